@@ -10,6 +10,7 @@ import numpy as np
 
 from bench import rows, tanks
 from bench.tables import Bench, Table, markdown
+from bench.water import Ours
 from msph.fluid.adaptivity.bands import AdaptationParameters
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
@@ -160,13 +161,12 @@ def duct(spacings: int, kind: str, seed: int) -> dict[str, float]:
     layers, changes = WATERS[kind]
     sim = tanks.build(tanks.duct(EDGE, spacings, VISCOSITY, layers, seed, **changes))
     tanks.run(sim, DUCT_BEGIN)
-    masses = np.array([s.mass for s in sim.layers.specs])
+    water = Ours(sim)
     bottom, top = tanks.DUCT_WATER
     flows, sheets = [], []
     while sim.time < DUCT_END:
         tanks.run(sim, tanks.FRAME)
-        x, v = (sim.particles.numpy(name).astype(float) for name in ("x", "v"))
-        m = masses[sim.particles.numpy("layer")]
+        x, v, m = water.positions(), water.velocities(), water.masses()
         theory = tanks.duct_speed(x[:, 0], x[:, 2], EDGE, VISCOSITY / 1000.0, sim.time)
         height = x[:, 1] / EDGE
         middle = (height > bottom + FROM_ENDS) & (height < top - FROM_ENDS)
@@ -205,14 +205,8 @@ def collision(start: int) -> dict[str, float]:
         Plan((2.4, 2.4, 2.4), specs, initial, ProjectionParameters(), (), adaptation, capacity=5000)
     )
 
-    def momenta():
-        m = np.array([s.mass for s in specs])[sim.particles.numpy("layer")][:, None]
-        x, v = (sim.particles.numpy(name).astype(float) for name in ("x", "v"))
-        arm, speed = x - middle, np.linalg.norm(v, axis=1)
-        scales = (m[:, 0] * speed).sum(), (m[:, 0] * np.linalg.norm(arm, axis=1) * speed).sum()
-        return m.sum(), (m * v).sum(axis=0), (m * np.cross(arm, v)).sum(axis=0), scales
-
-    mass, linear, angular, (scale, spin) = momenta()
+    water = Ours(sim)
+    mass, (linear, angular, scale, spin) = water.masses().sum(), water.momenta(middle)
     before = set(sim.particles.numpy("id"))
     # Thin bands, as in a pool near its capacity, cause merges; full bands then cause splits.
     for thickness in (0.35, 1.0):
@@ -220,13 +214,13 @@ def collision(start: int) -> dict[str, float]:
         for _ in range(12):
             sim.advance(tanks.FRAME, ExternalForces(gravity=(0.0, 0.0, 0.0)))
     after = set(sim.particles.numpy("id"))
-    mass_after, linear_after, angular_after, _ = momenta()
+    linear_after, turned, _, _ = water.momenta(middle)
     return {
         "particles created": len(after - before),
         "particles removed": len(before - after),
-        "mass drift": abs(mass_after / mass - 1.0),
-        "momentum drift over sum m v": np.linalg.norm(linear_after - linear) / scale,
-        "angular momentum drift over sum m r v": np.linalg.norm(angular_after - angular) / spin,
+        "mass drift": abs(water.masses().sum() / mass - 1.0),
+        "momentum drift over sum m v": float(np.linalg.norm(linear_after - linear)) / scale,
+        "angular momentum drift over sum m r v": float(np.linalg.norm(turned - angular)) / spin,
     }
 
 

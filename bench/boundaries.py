@@ -268,8 +268,9 @@ BENCHES = {
         "Inflows and outflows",
         "Computed from positions and velocities. The theory of the draining time has the "
         "contraction pi/(pi + 2) = 0.611 of the plane jet for the slit,\nand measured coefficients "
-        f"of discharge for holes ({round_discharge(0.65 * VESSEL, 2.0 * HOLE):.3f}, square {SQUARE} "
-        f"times as much); the theory of the vertical jet\nhas the head v^2/(2 g) + {END} R: "
+        f"of discharge for holes ({round_discharge(0.65 * VESSEL, 2.0 * HOLE):.3f}, square "
+        f"{SQUARE} times as much); the theory of the vertical jet\nhas the head "
+        f"v^2/(2 g) + {END} R: "
         'docs/method.md, "Openings".\n',
         {
             "slit": emptied(
@@ -297,7 +298,8 @@ BENCHES = {
             ),
             **{
                 f"plate {angle}": against(
-                    f"Jet of {2 / PLATE_SPACING:.0f} spacings on a plate inclined by {angle} degrees",
+                    f"Jet of {2 / PLATE_SPACING:.0f} spacings on a plate inclined by {angle} "
+                    "degrees",
                     partial(on_plate, angle),
                     {"force / theory - 1": "within 2 %"},
                 )

@@ -118,10 +118,9 @@ def dam_break(settings: tuple[str, ...]) -> dict[str, float]:
         sim.advance(tanks.FRAME, ExternalForces())
         reading.read()
         if frame % 6 == 5:
-            spacing = np.array([s.spacing for s in sim.layers.specs])
-            spacing = spacing[sim.particles.numpy("layer")]
-            x = sim.particles.numpy("x").astype(float)
-            bulk.append(bulk_density(x, spacing, sim.size).mean - 1.0)
+            water = reading.water
+            found = bulk_density(water.positions(), water.spacings(), water.size)
+            bulk.append(found.mean - 1.0)
     return {
         "solver residual, mean": float(np.mean(reading.error_mean)),
         "99th percentile": float(np.mean(reading.error_p99)),

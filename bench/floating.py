@@ -46,14 +46,13 @@ def run(
 ) -> tuple[Ledger, np.ndarray, np.ndarray]:
     """Runs a simulation; returns the ledger, and the positions [m] and rotation matrices of the
     floating bodies after each frame, (frames, bodies, 3) and (frames, bodies, 3, 3)."""
-    ledger, external = Ledger(sim, density_every=math.inf), ExternalForces((0.0, -gravity, 0.0))
-    ledger.record(external.gravity)
-    places, turns = [], []
-    for _ in range(round(seconds / tanks.FRAME)):
-        sim.advance(tanks.FRAME, external)
-        ledger.record(external.gravity)
+    places, turns, forces = [], [], ExternalForces((0.0, -gravity, 0.0))
+
+    def read() -> None:
         places.append(sim.boundary.floating.x.copy())
         turns.append(sim.boundary.floating.turn.copy())
+
+    ledger = tanks.recorded(sim, seconds, lambda time: forces, read)
     return ledger, np.array(places), np.array(turns)
 
 

@@ -64,15 +64,15 @@ def sphere(n: int) -> np.ndarray:
 def settle(sim: Any, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, Ledger]:
     """Runs a simulation; returns the mean pressures [Pa] at points (n, 3) [m] and the mean force
     on the bodies [N] after the water has settled, and the ledger of the whole run."""
-    ledger, readings = Ledger(sim, density_every=math.inf), []
-    gravity, frames = (0.0, -tanks.GRAVITY, 0.0), round(SECONDS / tanks.FRAME)
+    frames, readings = round(SECONDS / tanks.FRAME), []
     settled = round(SETTLING * frames)
-    ledger.record(gravity)
-    for frame in range(1, frames + 1):
-        sim.advance(tanks.FRAME, ExternalForces(gravity))
-        ledger.record(gravity)
+
+    def read() -> None:
+        frame = round(sim.time / tanks.FRAME)
         if frame > settled and frame % 6 == 0:
             readings.append(Snapshot.of(sim).pressures(points) if len(points) else [])
+
+    ledger = tanks.recorded(sim, SECONDS, read=read)
     first, last = ledger.entries[settled], ledger.entries[-1]
     force = (first.body_impulse - last.body_impulse) / (last.time - first.time)
     return np.mean(readings, axis=0), force, ledger

@@ -47,14 +47,8 @@ def run(scene: dict[str, Any], seconds: float, read: Read, frame: float = tanks.
     """Runs a scene with its motions, and read() after each frame; returns the ledger."""
     given = Scene.model_validate(scene)
     sim, path = tanks.build(given), box_path(given)
-    ledger = Ledger(sim, density_every=math.inf)
-    ledger.record(MovingBox(given.gravity, path).gravity)
-    for _ in range(round(seconds / frame)):
-        box = MovingBox(given.gravity, path, sim.time)
-        sim.advance(frame, box)
-        ledger.record(box.gravity)
-        read(sim)
-    return ledger
+    box = partial(MovingBox, given.gravity, path)
+    return tanks.recorded(sim, seconds, box, lambda: read(sim), frame)
 
 
 def surge_theory(times: np.ndarray, amplitude: float, depth: float) -> np.ndarray:

@@ -17,6 +17,7 @@ import taichi as ti
 
 from bench.tables import Table
 from bench.tanks import FRAME
+from bench.water import Ours
 from msph.fluid.external_forces import ExternalForces, Hand
 from msph.launches import watch_launches
 from msph.measure.ledger import Ledger
@@ -167,10 +168,7 @@ class Side:
             self.frame()
         ti.sync()
         self.times.append(time.perf_counter() - begin)
-        layer = self.sim.particles.numpy("layer")
-        mass = np.array([s.mass for s in self.sim.layers.specs])[layer]
-        x = self.sim.particles.numpy("x").astype(float)
-        self.centres.append((mass[:, None] * x).sum(axis=0) / mass.sum())
+        self.centres.append(Ours(self.sim).centre())
 
 
 def full_name(owner: Any, kernel: str) -> str:

@@ -32,7 +32,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench import rows
 from bench.report import RESULTS
-from bench.tanks import GRAVITY
+from bench.water import GRAVITY, Water
 from msph.measure.snapshot import Snapshot
 from msph.scene.build import plan_of
 from msph.scene.schema import Scene
@@ -150,8 +150,8 @@ def _edges(number: int) -> tuple[int, int, int] | None:
     return None
 
 
-class Dfsph:
-    """Water (bench.water.Water) of a scene with one layer and no bodies, simulated by DFSPH.
+class Dfsph(Water):
+    """Water of a scene with one layer and no bodies, simulated by DFSPH.
 
     gap: distance of the walls from the initial particles in spacings, None: gap_of(). viscosity
     [m^2/s]; cfl: Courant factor (-); longest_step [s]; tolerance: mean density error in % of the

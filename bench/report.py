@@ -1,23 +1,14 @@
-"""Heading of a report: title, machine, date, command and load."""
+"""Folder of the results; machine, versions and date of a measurement."""
 
 import datetime
 import os
 import platform
 import subprocess
-import sys
 from pathlib import Path
 
 from msph.measure.machine import machine
 
 RESULTS = Path(__file__).parent / "results"
-
-
-def heading(title: str, arch: str) -> str:
-    """Returns the title, machine, date and command of a report, as Markdown."""
-    today = datetime.date.today().isoformat()
-    command = " ".join(["python", *sys.argv])
-    python = platform.python_version()
-    return f"# {title}\n\n{machine()}; arch {arch}, Python {python}; {today}; `{command}`\n"
 
 
 def place(arch: str, threads: int | None) -> str:
@@ -34,10 +25,3 @@ def version() -> str:
         return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
     except (OSError, subprocess.CalledProcessError):
         return "unknown"
-
-
-def load() -> str:
-    """Returns the machine's load average as Markdown; call it before measuring."""
-    if not hasattr(os, "getloadavg"):
-        return ""
-    return f"\nLoad average of the minute before the start: {os.getloadavg()[0]:.1f}.\n"

@@ -7,6 +7,7 @@ import numpy as np
 
 from bench.hard_cases import CASES, Hard
 from bench.tables import Bench, Table, markdown
+from bench.water import Ours
 from msph.errors import BlowUpError
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.trapped_water import TrappedWaterError
@@ -65,8 +66,8 @@ def figures(sim, ledger: Ledger, ended: str, growth: int) -> dict[str, float | s
     """Returns the figures of a run until now."""
     entries = ledger.entries
     mass = np.array([e.mass for e in entries])
-    spacing = np.array([s.spacing for s in sim.layers.specs])[sim.particles.numpy("layer")]
-    x = sim.particles.numpy("x").astype(float)
+    water = Ours(sim)
+    x, spacing = water.positions(), water.spacings()
     finite = bool(np.isfinite(x).all())
     if finite and ended == FINISHED:
         sim.measure_density()

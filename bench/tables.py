@@ -139,7 +139,8 @@ def shown(table: Table, own: list[dict]) -> str:
             for figure in figures
         ]
         return markdown(lines)
-    more = [k for k in own[0] if k not in META and k not in table.forms]
+    labels = [[k for k in row if k not in META and k not in table.forms] for row in own]
+    more = max(labels, key=len)
     heads = (*table.heads, *more)
     return markdown(
         [

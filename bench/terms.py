@@ -254,10 +254,10 @@ def conservation(seed: int) -> list[dict[str, str | float]]:
     for name, terms in TERMS.items():
         terms = {**terms, **({"tension": 2.0} if "tension" in terms else {})}
         sim = build(x, d, (2.0 * middle,) * 3, v, layer, 2, **terms)
-        linear, angular, scale, spin = momenta(sim, middle)
+        linear, angular, scale, spin = Ours(sim).momenta(middle)
         for _ in range(15):
             sim.advance(tanks.FRAME, WEIGHTLESS)
-        after, turned, _, _ = momenta(sim, middle)
+        after, turned, _, _ = Ours(sim).momenta(middle)
         rows.append(
             {
                 "term": name,
@@ -266,15 +266,6 @@ def conservation(seed: int) -> list[dict[str, str | float]]:
             }
         )
     return rows
-
-
-def momenta(sim: Simulation, middle: float):
-    """Returns momentum, angular momentum, and their scales, the sums of m |v| and m r |v|."""
-    m = np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")][:, None]
-    x, v = (sim.particles.numpy(k).astype(float) for k in "xv")
-    arm, speed = x - middle, np.linalg.norm(v, axis=1)
-    scales = (m[:, 0] * speed).sum(), (m[:, 0] * np.linalg.norm(arm, axis=1) * speed).sum()
-    return (m * v).sum(axis=0), (m * np.cross(arm, v)).sum(axis=0), *scales
 
 
 ERROR = {"formula": ".3g", "measured": ".3g", "error": "+.1%"}

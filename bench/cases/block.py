@@ -31,7 +31,7 @@ def measure(setting: Setting) -> tuple[Run, dict[str, float]]:
 
     def read() -> None:
         if run.simulated >= FROM:
-            bulk.append(inner_bulk(run.positions(), run.water.spacings(), run.water.size))
+            bulk.append(inner_bulk(run.water.positions(), run.water.spacings(), run.water.size))
 
     run.go(SECONDS, read)
     known = [b - 1.0 for b in bulk if np.isfinite(b)]

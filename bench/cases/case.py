@@ -139,7 +139,7 @@ class Run:
         self.p99.append(float(np.percentile(excess, 99.0)))
         self.largest.append(float(excess.max()))
         if len(self.residual) % KERNEL_EVERY == 1:
-            found = kernel_density(self.positions(), self.water.spacings(), self.water.size)
+            found = kernel_density(self.water.positions(), self.water.spacings(), self.water.size)
             self.kernel.append((found.mean, found.p99))
 
     @property
@@ -147,28 +147,6 @@ class Run:
         """The simulation of a run of this program."""
         assert isinstance(self.water, Ours)
         return self.water.simulation
-
-    def masses(self) -> np.ndarray:
-        """Returns the masses of the particles, (n,) [kg]."""
-        return 1000.0 * self.water.spacings() ** 3
-
-    def positions(self) -> np.ndarray:
-        """Returns the positions of the particles, (n, 3) [m]."""
-        return self.water.positions()
-
-    def velocities(self) -> np.ndarray:
-        """Returns the velocities of the particles, (n, 3) [m/s]."""
-        return self.water.velocities()
-
-    def centre(self) -> np.ndarray:
-        """Returns the centre of mass, (3,) [m]."""
-        m = self.masses()
-        return (m[:, None] * self.positions()).sum(axis=0) / m.sum()
-
-    def energy(self, gravity: float = tanks.GRAVITY) -> float:
-        """Returns the kinetic plus potential energy [J]."""
-        m, x, v = self.masses(), self.positions(), self.velocities()
-        return float((m * (0.5 * (v**2).sum(axis=1) + gravity * x[:, 1])).sum())
 
     def costs(self) -> dict[str, float]:
         """Returns the costs of the run and its density errors (-)."""
