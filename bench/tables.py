@@ -34,6 +34,8 @@ MODULES = {
 }
 # First cells of a row, as one text.
 BETWEEN = " | "
+# End of the title of a table that is measured again with some of its cases only.
+IN_PART = ", measured again in part"
 # Columns of a file of rows that are no cells of a table.
 KEYS = ("table", "case", "start")
 META = (*KEYS, "measured", "failure")
@@ -163,16 +165,21 @@ def stored(path: Path) -> dict[str, str]:
 
 def report(name: str, bench: Bench, known: list[dict]) -> str:
     """Writes and returns the report of the rows. Sections of the old report that are not measured
-    again are kept, so that no figure is lost."""
+    again, with all cases, are kept, so that no figure is lost."""
     path = RESULTS / f"{name}.md"
     text, old = [f"# {bench.title}\n", f"`python bench/run.py {name}`\n", bench.note], stored(path)
     for table, its in bench.tables.items():
         own = [row for row in known if row["table"] == table]
+        cases = {BETWEEN.join(cells) for cells in its.cases}
+        part = bool(own) and not cases <= {row.get("case", "") for row in own}
+        old.pop(f"{its.title}{IN_PART}", "")
         section = old.pop(its.title, "")
+        if section and (part or not own):
+            text += [f"\n## {its.title}\n", section]
         if own:
             where = dict.fromkeys(row["measured"] for row in own)
-            section = "\n\n".join([*where, shown(its, own)])
-        text += [f"\n## {its.title}\n", section] if section else []
+            title = f"{its.title}{IN_PART}" if part and section else its.title
+            text += [f"\n## {title}\n", *(f"{line}\n" for line in where), shown(its, own)]
     concluded = "\n".join(bench.conclude(known))
     kept = [f"## {title}\n\n{its}\n" for title, its in old.items() if title not in concluded]
     found = "\n".join([*text, "", concluded, "", *kept]).rstrip() + "\n"

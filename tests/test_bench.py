@@ -119,6 +119,15 @@ def test_reports_keep_sections_that_are_not_measured_again(tmp_path, monkeypatch
     assert text.count("here") == 2 and (tmp_path / "b.md").read_text() == text
 
 
+def test_a_table_replaces_its_old_section_only_if_it_is_whole(tmp_path, monkeypatch):
+    monkeypatch.setattr(tables, "RESULTS", tmp_path)
+    both = [row for k, case in enumerate("ab") for row in rows_of("across", case, {"speed": k})]
+    whole = tables.report("b", BENCH, both)
+    text = tables.report("b", BENCH, rows_of("across", "a", {"speed": 7}))
+    assert "0.0" in text and "7.0" in text and text.count("## Across") == 2
+    assert tables.report("b", BENCH, both) == whole
+
+
 def test_runs_are_resumed_and_failures_repeated(tmp_path, monkeypatch):
     """Rows of other cases are kept, stored rows are measured again unless --resume is given, and a
     failed run is a row that --resume repeats."""
