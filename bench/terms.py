@@ -167,7 +167,7 @@ def stirred(deep: int, air: int) -> tuple[np.ndarray, tuple[float, float, float]
 
 def row(term: str, formula: float, found: float) -> dict[str, str | float]:
     """Returns a table row: a measured value against a formula."""
-    return {"term": term, "formula": formula, "measured": found, "error": found / formula - 1.0}
+    return {"term": term, "formula": formula, "found": found, "error": found / formula - 1.0}
 
 
 def term_alone(seed: int) -> list[dict[str, str | float]]:
@@ -268,7 +268,7 @@ def conservation(seed: int) -> list[dict[str, str | float]]:
     return rows
 
 
-ERROR = {"formula": ".3g", "measured": ".3g", "error": "+.1%"}
+ERROR = {"formula": ".3g", "found": ".3g", "error": "+.1%"}
 DRIFTS = {"momentum over sum m v": ".1e", "angular momentum over sum m r v": ".1e"}
 BENCHES = {
     "terms": Bench(

@@ -158,6 +158,7 @@ def test_every_bench_has_runs_and_formats(name):
         assert tables.tasks(tables.bench_of(name), (key,), "", None), key
         assert all(len(cells) == len(table.heads) or table.across for cells in table.cases), key
         assert set(table.targets) <= set(table.forms), key
+        assert not set(tables.META) & set(table.forms), key
 
 
 def test_slopes_and_layers_of_scale() -> None:
