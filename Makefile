@@ -50,25 +50,8 @@ check: $(VENV)/dev
 	$(RUN) -m mypy
 
 bench: $(VENV)/dev
-	$(RUN) bench/fps.py
-	$(RUN) bench/table_5_1.py
-	$(RUN) bench/terms.py
-	$(RUN) bench/accuracy.py
-	$(RUN) bench/bodies.py
-	$(RUN) bench/boundaries.py
-	$(RUN) bench/moving.py
-	$(RUN) bench/impact.py
+	$(RUN) bench/run.py
 	$(RUN) bench/pareto.py
-	$(RUN) bench/stability.py
-	$(RUN) bench/random_input.py
-	$(RUN) bench/layers.py
-	$(RUN) bench/methods.py
-	$(RUN) bench/scenes.py
-	$(RUN) bench/constants.py
-	$(RUN) bench/quality.py
-	$(RUN) bench/play.py
-	$(RUN) bench/scale.py
-	$(RUN) bench/vulkan.py
 
 $(VENV)/play: pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "M-SPH needs Python 3.10 to 3.13; none of $(PYTHONS) is one" >&2; exit 1; }

@@ -1,27 +1,16 @@
 """Errors of the projection method against formulas, for uniform and layered water.
 
-python bench/accuracy.py [--seconds 10] [--starts 3] [--only still] [--resume] [--arch cpu]
-
-Starts differ in the random initial displacements of the particles, 0.02 spacings, and in the case
-"collision" in the positions of the lattices. A difference between uniform and layered water is
-significant only if it exceeds the range over the starts. Every part runs in a separate process and
-is written to bench/results/accuracy.csv when it ends; --resume continues there.
+A difference between uniform and layered water is significant only if it exceeds the range over the
+starts. In the case "collision" starts differ in the positions of the lattices.
 """
 
-import json
-import sys
-from dataclasses import astuple, dataclass
-from pathlib import Path
+from functools import partial
 
-import click
 import numpy as np
-from tabulate import tabulate
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench import rows, tanks
-from bench.report import RESULTS, heading
-from msph.device import ARCHES, start
+from bench.tables import Bench, Table, markdown
+from bench.water import Ours
 from msph.fluid.adaptivity.bands import AdaptationParameters
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
@@ -38,8 +27,8 @@ WATERS: dict[str, tuple[int, dict[str, float]]] = {
     "uniform, irregular": (3, {"band": 30.0, "every": 10**9}),
     "layered": (4, {}),
 }
-# Still water: finest spacing [m], and depth in spacings; the column is 10 spacings wide.
-FINE, SPACINGS_DEEP = 0.02, 60
+# Still water: finest spacing [m], depth in spacings, and time [s]; the column is 10 spacings wide.
+FINE, SPACINGS_DEEP, STILL_SECONDS = 0.02, 60, 10.0
 # Sloshing: length of the box and depth [m], amplitude over depth (-), depths in finest spacings;
 # the lowest wave is half a spacing high. At a single depth the error may vanish by chance.
 LENGTH, DEPTH, AMPLITUDE, SPACINGS = 1.0, 0.5, 0.05, (10, 12, 15, 20, 25)
@@ -49,24 +38,61 @@ SLOSH_SECONDS = 5.0
 # edges: the column falls, and both ends bulge in the duct's middle.
 EDGE, VISCOSITY, ACROSS = 0.2, 100.0, (10, 16)
 DUCT_BEGIN, DUCT_END, FROM_ENDS = 0.1, 0.35, 1.25
-# Time limit of a part [s].
-MAX_SECONDS = 3600
-TABLE = "accuracy.csv"
-# Formats of figures: counts, shares in percent, energies [J], drifts.
-WHOLE, SHARE, JOULE, DRIFT = "{:,.0f}", "{:.3%}", "{:.3g}", "{:.1e}"
+# Forms of figures: counts, shares, energies [J], drifts.
+WHOLE, SHARE, JOULE, DRIFT = ",.0f", ".3%", ".3g", ".1e"
+# Figures by case: format and target.
+RESIDUAL = {
+    "solver residual, mean": (SHARE, ""),
+    "solver residual, 99th percentile": (SHARE, ""),
+    "solver residual, largest": (SHARE, ""),
+}
+PRESSURE = "pressure error against rho g (H - y), rms over depth"
+PERIOD = f"period against linear theory, {tanks.slosh_period(LENGTH, DEPTH):.3f} s"
+CHANGED = f"particles that changed layer in {STILL_SECONDS - 1:g} s"
+APART = f"largest distance of the centre of mass from uniform in {SLOSH_SECONDS:g} s, over length"
+STILL = {
+    "particles": (WHOLE, ""),
+    f"{PRESSURE}, probes": (SHARE, "2 %"),
+    f"{PRESSURE}, particle means": (SHARE, "2 %"),
+    "solver residual, mean": (SHARE, "0.2 %"),
+    "solver residual, 99th percentile": (SHARE, ""),
+    "solver residual, largest": (SHARE, "2 %"),
+    "height of the centre of mass against rest": (SHARE, "1 %"),
+    "energy, largest rise in 1 s": (SHARE, "0.1 %"),
+    "kinetic energy, first second, J": (JOULE, ""),
+    "kinetic energy, last second, J": (JOULE, "decays"),
+    CHANGED: (WHOLE, ""),
+}
+SLOSHING = {
+    "particles": (WHOLE, ""),
+    PERIOD: (SHARE, "1 %"),
+    **RESIDUAL,
+    "energy, largest rise in 1 s": (SHARE, "0.1 %"),
+    "the same over kinetic plus available potential energy": (SHARE, ""),
+    "height of the centre of mass against rest": (SHARE, "1 %"),
+    APART: (SHARE, "1 %"),
+}
+DUCT = {
+    "particles": (WHOLE, ""),
+    "flow against theory, mean over time": (SHARE, "3 %, layers 5 %"),
+    "speed within a spacing of the walls": (SHARE, ""),
+}
+COLLISION = {
+    "particles created": (WHOLE, ""),
+    "particles removed": (WHOLE, ""),
+    "mass drift": (DRIFT, "0"),
+    "momentum drift over sum m v": (DRIFT, "1e-05"),
+    "angular momentum drift over sum m r v": (DRIFT, "1e-04"),
+}
 
 
-@dataclass(frozen=True)
-class Figure:
-    """A figure: name, limit, format, and value [- or J]."""
-
-    name: str
-    limit: str
-    form: str
-    value: float
+def residuals(reading: tanks.Reading) -> dict[str, float]:
+    """Returns the figures RESIDUAL."""
+    found = np.mean(reading.error_mean), np.mean(reading.error_p99), max(reading.error_max)
+    return dict(zip(RESIDUAL, map(float, found), strict=True))
 
 
-def still(kind: str, seconds: float, seed: int) -> list[Figure]:
+def still(kind: str, seed: int) -> dict[str, float]:
     """Returns the figures of water that should remain at rest."""
     layers, changes = WATERS[kind]
     footprint = (10 * FINE, 10 * FINE)
@@ -77,27 +103,35 @@ def still(kind: str, seconds: float, seed: int) -> list[Figure]:
     tanks.run(sim, 1.0, reading)
     changed = np.array(sim.counts())
     later, profile = tanks.Reading(sim), tanks.Profile(sim, reading.depth)
-    tanks.run(sim, seconds - 1.0, later, profile)
-    changed = int(np.abs(changed - sim.counts()).sum())
+    tanks.run(sim, STILL_SECONDS - 1.0, later, profile)
     frames = round(1.0 / tanks.FRAME)
-    rise = max(reading.energy_rise(), later.energy_rise())
-    profiled = "pressure error against rho g (H - y), rms over depth"
-    return [
-        Figure("particles", "", WHOLE, sim.particles.count),
-        Figure(f"{profiled}, probes", "2 %", SHARE, profile.error()),
-        Figure(f"{profiled}, particle means", "2 %", SHARE, later.pressure_error()),
-        Figure("solver residual, mean", "0.2 %", SHARE, float(np.mean(later.error_mean))),
-        Figure("solver residual, 99th percentile", "", SHARE, float(np.mean(later.error_p99))),
-        Figure("solver residual, largest", "2 %", SHARE, max(later.error_max)),
-        Figure("height of the centre of mass against rest", "1 %", SHARE, later.volume_error()),
-        Figure("energy, largest rise in 1 s", "0.1 %", SHARE, rise),
-        Figure("kinetic energy, first second, J", "", JOULE, np.mean(reading.kinetic[-frames:])),
-        Figure("kinetic energy, last second, J", "decays", JOULE, np.mean(later.kinetic[-frames:])),
-        Figure(f"particles that changed layer in {seconds - 1:g} s", "", WHOLE, changed),
-    ]
+    return {
+        "particles": sim.particles.count,
+        f"{PRESSURE}, probes": profile.error(),
+        f"{PRESSURE}, particle means": later.pressure_error(),
+        **residuals(later),
+        "height of the centre of mass against rest": later.volume_error(),
+        "energy, largest rise in 1 s": max(reading.energy_rise(), later.energy_rise()),
+        "kinetic energy, first second, J": float(np.mean(reading.kinetic[-frames:])),
+        "kinetic energy, last second, J": float(np.mean(later.kinetic[-frames:])),
+        CHANGED: int(np.abs(changed - sim.counts()).sum()),
+    }
 
 
-def sloshing(kind: str, spacings: int, seed: int) -> tuple[list[Figure], np.ndarray]:
+def sloshing(spacings: int, seed: int) -> list[dict[str, float]]:
+    """Returns the figures of a sloshing tank with each kind of water."""
+    centres = {}
+    found = []
+    for water in WATERS:
+        figures, centres[water] = slosh(water, spacings, seed)
+        if water != "uniform":
+            far = np.abs(centres[water] - centres["uniform"]).max() / LENGTH
+            figures[APART] = float(far)
+        found.append({"water": water, **figures})
+    return found
+
+
+def slosh(kind: str, spacings: int, seed: int) -> tuple[dict[str, float], np.ndarray]:
     """Returns the figures of a sloshing tank, and the position of its centre of mass along x at
     each frame [m]."""
     fine = DEPTH / spacings
@@ -111,37 +145,28 @@ def sloshing(kind: str, spacings: int, seed: int) -> tuple[list[Figure], np.ndar
     x = np.array(reading.centres)[:, 0]
     theory = tanks.slosh_period(LENGTH, DEPTH)
     found = tanks.fitted_period([t - 1.0 for t in reading.times], x, theory)
-    mean = float(np.mean(reading.error_mean))
-    figures = [
-        Figure("particles", "", WHOLE, sim.particles.count),
-        Figure(f"period against linear theory, {theory:.3f} s", "1 %", SHARE, found / theory - 1.0),
-        Figure("solver residual, mean", "", SHARE, mean),
-        Figure("solver residual, 99th percentile", "", SHARE, float(np.mean(reading.error_p99))),
-        Figure("solver residual, largest", "", SHARE, max(reading.error_max)),
-        Figure("energy, largest rise in 1 s", "0.1 %", SHARE, reading.energy_rise()),
-        Figure(
-            "the same over kinetic plus available potential energy",
-            "",
-            SHARE,
-            reading.energy_rise_of_motion(),
-        ),
-        Figure("height of the centre of mass against rest", "1 %", SHARE, reading.volume_error()),
-    ]
-    return figures, x
+    rise_of_motion = reading.energy_rise_of_motion()
+    return {
+        "particles": sim.particles.count,
+        PERIOD: found / theory - 1.0,
+        **residuals(reading),
+        "energy, largest rise in 1 s": reading.energy_rise(),
+        "the same over kinetic plus available potential energy": rise_of_motion,
+        "height of the centre of mass against rest": reading.volume_error(),
+    }, x
 
 
-def duct(kind: str, spacings: int, seed: int) -> list[Figure]:
+def duct(spacings: int, kind: str, seed: int) -> dict[str, float]:
     """Returns the figures of viscous water that falls in a square duct without slip."""
     layers, changes = WATERS[kind]
     sim = tanks.build(tanks.duct(EDGE, spacings, VISCOSITY, layers, seed, **changes))
     tanks.run(sim, DUCT_BEGIN)
-    masses = np.array([s.mass for s in sim.layers.specs])
+    water = Ours(sim)
     bottom, top = tanks.DUCT_WATER
     flows, sheets = [], []
     while sim.time < DUCT_END:
         tanks.run(sim, tanks.FRAME)
-        x, v = (sim.particles.numpy(name).astype(float) for name in ("x", "v"))
-        m = masses[sim.particles.numpy("layer")]
+        x, v, m = water.positions(), water.velocities(), water.masses()
         theory = tanks.duct_speed(x[:, 0], x[:, 2], EDGE, VISCOSITY / 1000.0, sim.time)
         height = x[:, 1] / EDGE
         middle = (height > bottom + FROM_ENDS) & (height < top - FROM_ENDS)
@@ -149,15 +174,14 @@ def duct(kind: str, spacings: int, seed: int) -> list[Figure]:
         sheet = middle & (side < np.cbrt(m / 1000.0))
         for errors, at in ((flows, middle), (sheets, sheet)):
             errors.append(-(m * v[:, 1])[at].sum() / (m * theory)[at].sum() - 1.0)
-    limit = "3 %, layers 5 %"
-    return [
-        Figure("particles", "", WHOLE, sim.particles.count),
-        Figure("flow against theory, mean over time", limit, SHARE, float(np.mean(flows))),
-        Figure("speed within a spacing of the walls", "", SHARE, float(np.mean(sheets))),
-    ]
+    return {
+        "particles": sim.particles.count,
+        "flow against theory, mean over time": float(np.mean(flows)),
+        "speed within a spacing of the walls": float(np.mean(sheets)),
+    }
 
 
-def collision(start: int) -> list[Figure]:
+def collision(start: int) -> dict[str, float]:
     """Returns the figures of two balls that collide off centre without gravity, with splits and
     merges."""
     rng = np.random.default_rng(start)
@@ -181,14 +205,8 @@ def collision(start: int) -> list[Figure]:
         Plan((2.4, 2.4, 2.4), specs, initial, ProjectionParameters(), (), adaptation, capacity=5000)
     )
 
-    def momenta():
-        m = np.array([s.mass for s in specs])[sim.particles.numpy("layer")][:, None]
-        x, v = (sim.particles.numpy(name).astype(float) for name in ("x", "v"))
-        arm, speed = x - middle, np.linalg.norm(v, axis=1)
-        scales = (m[:, 0] * speed).sum(), (m[:, 0] * np.linalg.norm(arm, axis=1) * speed).sum()
-        return m.sum(), (m * v).sum(axis=0), (m * np.cross(arm, v)).sum(axis=0), scales
-
-    mass, linear, angular, (scale, spin) = momenta()
+    water = Ours(sim)
+    mass, (linear, angular, scale, spin) = water.masses().sum(), water.momenta(middle)
     before = set(sim.particles.numpy("id"))
     # Thin bands, as in a pool near its capacity, cause merges; full bands then cause splits.
     for thickness in (0.35, 1.0):
@@ -196,132 +214,68 @@ def collision(start: int) -> list[Figure]:
         for _ in range(12):
             sim.advance(tanks.FRAME, ExternalForces(gravity=(0.0, 0.0, 0.0)))
     after = set(sim.particles.numpy("id"))
-    mass_after, linear_after, angular_after, _ = momenta()
-    drift = np.linalg.norm(linear_after - linear) / scale
-    turned = np.linalg.norm(angular_after - angular) / spin
-    return [
-        Figure("particles created", "", WHOLE, len(after - before)),
-        Figure("particles removed", "", WHOLE, len(before - after)),
-        Figure("mass drift", "0", DRIFT, abs(mass_after / mass - 1.0)),
-        Figure("momentum drift over sum m v", "1e-05", DRIFT, drift),
-        Figure("angular momentum drift over sum m r v", "1e-04", DRIFT, turned),
-    ]
+    linear_after, turned, _, _ = water.momenta(middle)
+    return {
+        "particles created": len(after - before),
+        "particles removed": len(before - after),
+        "mass drift": abs(water.masses().sum() / mass - 1.0),
+        "momentum drift over sum m v": float(np.linalg.norm(linear_after - linear)) / scale,
+        "angular momentum drift over sum m r v": float(np.linalg.norm(turned - angular)) / spin,
+    }
 
 
-def part(name: str, kind: str, spacings: int, start: int, seconds: float) -> list[tuple]:
-    """Returns the rows (case, water, name, limit, format, value) of a part of the table."""
-    found: list[tuple[str, str, Figure]] = []
-    if name == "still":
-        case = f"still water, {SPACINGS_DEEP} fine spacings deep, {seconds:g} s"
-        found += [(case, kind, f) for f in still(kind, seconds, start)]
-    elif name == "sloshing":
-        case = f"sloshing, amplitude {AMPLITUDE:.0%} of the depth, {spacings} spacings deep"
-        apart = f"largest distance of the centre of mass from uniform in {SLOSH_SECONDS:g} s"
-        centres = {}
-        for water in WATERS:
-            figures, centres[water] = sloshing(water, spacings, start)
-            found += [(case, water, f) for f in figures]
-            if water != "uniform":
-                far = np.abs(centres[water] - centres["uniform"]).max() / LENGTH
-                figure = Figure(f"{apart}, over length", "1 %", SHARE, far)
-                found.append((case, water, figure))
-    elif name == "duct":
-        case = f"falling in a square duct without slip, {spacings} spacings across"
-        found += [(case, kind, f) for f in duct(kind, spacings, start)]
-    else:
-        found += [("collision of a fine and a coarse ball", "layered", f) for f in collision(start)]
-    return [(case, water, *astuple(figure)) for case, water, figure in found]
-
-
-def parts(starts: int) -> list[tuple[str, str, int, int]]:
-    """Returns the parts: name, kind of water, depth or width in spacings, start; one start after
-    another."""
-    found: list[tuple[str, str, int, int]] = []
-    for seed in range(starts):
-        found += [("still", kind, 0, seed) for kind in WATERS]
-        found += [("duct", kind, n, seed) for n in ACROSS for kind in WATERS]
-        found += [("sloshing", "", n, seed) for n in SPACINGS] + [("collision", "", 0, seed)]
-    return found
-
-
-def table(known: list[dict], case: str) -> str:
-    """Returns a Markdown table with a row per figure and a column per kind of water: median
-    (minimum to maximum) over the starts."""
-    own = [row for row in known if row["case"] == case]
-    waters = list(dict.fromkeys(row["water"] for row in own))
-    lines = []
-    for name, limit, form in dict.fromkeys((r["name"], r["limit"], r["form"]) for r in own):
-        of = [
-            [float(r["value"]) for r in own if (r["water"], r["name"]) == (water, name)]
-            for water in waters
-        ]
-        lines.append((name, limit, *(rows.spread(v, form) if v else "" for v in of)))
-    return tabulate(lines, ("figure", "limit", *waters), tablefmt="github", disable_numparse=True)
-
-
-def over_depths(known: list[dict]) -> list[dict]:
-    """Returns the rows of the root mean square of the errors of the period over the depths, for
-    each kind of water and start."""
-    errors: dict[tuple[str, str], list[float]] = {}
+def over_depths(known: list[dict]) -> list[str]:
+    """Returns the table of the root mean square of the errors of the period over the depths, for
+    each kind of water: median and range over the starts."""
+    errors: dict[str, dict[str, list[float]]] = {}
     for row in known:
-        if row["name"].startswith("period"):
-            errors.setdefault((row["water"], row["start"]), []).append(float(row["value"]))
-    name = "period against linear theory, rms over depths"
-    return [
-        {
-            **{"case": "sloshing, all depths", "water": water, "start": start, "name": name},
-            **{"limit": "", "form": SHARE, "value": float(np.sqrt(np.mean(np.square(found))))},
-        }
-        for (water, start), found in errors.items()
-    ]
+        if PERIOD in row:
+            starts = errors.setdefault(row["water"], {})
+            starts.setdefault(row["start"], []).append(float(row[PERIOD]))
+    line = {"figure": "period against linear theory, rms over depths"}
+    for water, starts in errors.items():
+        rms = [float(np.sqrt(np.mean(np.square(found)))) for found in starts.values()]
+        line[water] = rows.spread(rms, SHARE)
+    return ["## Sloshing, all depths\n", markdown([line])] if errors else []
 
 
-@click.command()
-@click.option("--seconds", default=10.0, show_default=True, help="Simulated time of still water.")
-@click.option(
-    "--starts",
-    default=rows.STARTS,
-    show_default=True,
-    type=click.IntRange(1),
-    help="Number of random initial arrangements.",
-)
-@click.option(
-    "--only", multiple=True, help="Part to run: still, duct, sloshing, collision. Repeatable."
-)
-@click.option("--resume", is_flag=True, help="Keep the rows of earlier runs.")
-@click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
-@click.option("--worker", hidden=True)
-def main(seconds: float, starts: int, only, resume: bool, arch: str, worker: str | None) -> None:
-    """Measure the errors and write bench/results/accuracy.{md,csv}."""
-    arch = start(arch)
-    if worker:
-        print(json.dumps({"rows": part(*json.loads(worker))}))
-        return
-    known: list[dict] = rows.read(RESULTS / TABLE) if resume or only else []
-    for task in parts(starts):
-        name, kind, spacings, seed = task
-        label = " ".join(str(word) for word in (name, kind, spacings) if word)
-        if (only and name not in only) or (label, str(seed)) in {
-            (row["part"], str(row["start"])) for row in known
-        }:
-            continue
-        found = rows.in_process(__file__, (*task, seconds), MAX_SECONDS)
-        click.echo(f"{label}, start {seed + 1} of {starts} {found.get('failure', '')}")
-        heads = ("case", "water", "name", "limit", "form", "value")
-        known += [
-            {"part": label, "start": seed, **dict(zip(heads, row, strict=True))}
-            for row in found.get("rows", [])
-        ]
-        rows.write(RESULTS / TABLE, known)
-    known += over_depths(known)
-    count = len({str(row["start"]) for row in known})
-    report = [heading("Errors of the projection method", arch)]
-    report.append(f"{count} random initial arrangements: median (minimum to maximum).\n")
-    for case in dict.fromkeys(row["case"] for row in known):
-        report += [f"## {case[0].upper()}{case[1:]}\n", table(known, case), ""]
-    (RESULTS / "accuracy.md").write_text("\n".join(report))
-    click.echo("\n".join(report))
+def table(title: str, cases: dict, figures: dict[str, tuple[str, str]]) -> Table:
+    """Returns the table of cases with these figures."""
+    forms, targets = ({name: of[k] for name, of in figures.items()} for k in (0, 1))
+    return Table(title, (), cases, forms, targets, across=True)
 
 
-if __name__ == "__main__":
-    main()
+TABLES = {
+    "still": table(
+        f"Still water, {SPACINGS_DEEP} fine spacings deep, {STILL_SECONDS:g} s",
+        {(kind,): partial(still, kind) for kind in WATERS},
+        STILL,
+    ),
+    **{
+        f"duct {n}": table(
+            f"Falling in a square duct without slip, {n} spacings across",
+            {(kind,): partial(duct, n, kind) for kind in WATERS},
+            DUCT,
+        )
+        for n in ACROSS
+    },
+    **{
+        f"sloshing {n}": table(
+            f"Sloshing, amplitude {AMPLITUDE:.0%} of the depth, {n} spacings deep",
+            {(): partial(sloshing, n)},
+            SLOSHING,
+        )
+        for n in SPACINGS
+    },
+    "collision": table(
+        "Collision of a fine and a coarse ball", {("layered",): collision}, COLLISION
+    ),
+}
+BENCHES = {
+    "accuracy": Bench(
+        "Errors of the projection method",
+        "Random initial arrangements: median (minimum to maximum).\n",
+        TABLES,
+        over_depths,
+    )
+}

@@ -16,7 +16,12 @@ from pathlib import Path
 import click
 from tabulate import tabulate
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from bench.rows import spread
+
 ROOT = Path(__file__).resolve().parent.parent
+
 SCENES = (
     *("drop", "dam_break", "pillar", "pool", "still", "deep", "pool_2x"),
     *("duck", "bowl", "paddle", "lock", "waves", "honey"),
@@ -37,11 +42,6 @@ def run(root: Path, scene: str, seconds: float) -> dict:
         environment = {**os.environ, "PYTHONPATH": str(root)}
         subprocess.run(command, cwd=root, env=environment, check=True, capture_output=True)
         return json.loads(path.read_text())[0]
-
-
-def spread(values: list[float], form: str) -> str:
-    """Returns the median (minimum to maximum) of the values."""
-    return f"{statistics.median(values):{form}} ({min(values):{form}} to {max(values):{form}})"
 
 
 @click.command()

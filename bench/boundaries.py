@@ -1,23 +1,13 @@
-"""Inflows and outflows against theory; writes bench/results/boundaries.md.
-
-python bench/boundaries.py [--arch cpu]
-"""
+"""Inflows and outflows against theory."""
 
 import math
-import sys
 from functools import partial
-from pathlib import Path
 from typing import Any
 
-import click
 import numpy as np
-from tabulate import tabulate
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
-from bench import rows, tanks
-from bench.report import RESULTS, heading
-from msph.device import start
+from bench import tanks
+from bench.tables import Bench, Case, Table
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.simulation import Simulation
 from msph.scene.schema import Scene
@@ -185,8 +175,8 @@ def jet(seed: int) -> dict[str, float]:
         if STEADY[0] < sim.time < STEADY[1]:
             rising = (y > ALONG[0]) & (y < ALONG[1]) & (v[:, 1] > 0.0)
             heads.append((y + (v**2).sum(axis=1) / (2.0 * tanks.GRAVITY))[rising].mean())
-        rows = zip(sim.particles.numpy("id").tolist(), y, strict=True)
-        for number, height in rows:
+        seen = zip(sim.particles.numpy("id").tolist(), y, strict=True)
+        for number, height in seen:
             known = number in highest or (sim.time < FOLLOWED and number not in started)
             if known:
                 highest[number] = max(highest.get(number, 0.0), float(height))
@@ -251,64 +241,73 @@ def filling(seed: int) -> dict[str, float]:
     return {"level / theory - 1": float(np.mean(last))}
 
 
-CASES = (
-    (
-        f"Tank {DEEP} m deep, slit {SLIT / FINE:.0f} spacings wide",
-        through_slit,
-        ("within 3 %", "none", "within 5 %"),
-    ),
-    *(
-        (
-            f"Tank {VESSEL} m deep, {'square' if square else 'round'} hole of {spacings} spacings "
-            "half width",
-            partial(through_hole, HOLE / spacings, square),
-            ("within 3 %", "none", f"within {target} %"),
-        )
-        for spacings, square, target in ((4, False, 4), (4, True, 4), (8, False, 2))
-    ),
-    ("Spring and pump of the same rate", through_flow, ("within 1 %", "within 1 %")),
-    (
-        f"Vertical jet, {2 * JET_RADIUS / FINE:.0f} spacings in diameter",
-        jet,
-        ("within 3 %", "within 3 %", "none"),
-    ),
-    *(
-        (
-            f"Jet of {2 / PLATE_SPACING:.0f} spacings on a plate inclined by {angle} degrees",
-            partial(on_plate, angle),
-            ("within 2 %",),
-        )
-        for angle in (0, 30)
-    ),
-    ("Basin that a spring fills", filling, ("within 1 %",)),
-)
+def against(title: str, case: Case, targets: dict[str, str]) -> Table:
+    """Returns the table of one case, with the targets of its figures."""
+    forms = dict.fromkeys(targets, "+.2%")
+    return Table(title, (), {("found",): case}, forms, targets, across=True)
 
 
-@click.command()
-@click.option("--arch", default="cpu", show_default=True)
-@click.option("--threads", type=int, help="CPU threads")
-def main(arch: str, threads: int | None) -> None:
-    """Measure inflows and outflows, and write bench/results/boundaries.md."""
-    report = [heading("Inflows and outflows", start(arch, threads))]
-    table = []
-    for name, case, targets in CASES:
-        found = [case(seed) for seed in range(rows.STARTS)]
-        for figure, target in zip(found[0], targets, strict=True):
-            spread = rows.spread([f[figure] for f in found], "{:+.2%}")
-            table.append({"case": name, "figure": figure, "found": spread, "target": target})
-            click.echo(" | ".join(table[-1].values()))
-    report += [
-        f"Medians of {rows.STARTS} starts and their range; computed from positions and "
-        "velocities.\nThe theory of the draining time has the contraction pi/(pi + 2) = 0.611 of "
-        "the plane jet for the slit,\nand measured coefficients of discharge for holes "
-        f"({round_discharge(0.65 * VESSEL, 2.0 * HOLE):.3f}, square {SQUARE} times as much); the "
-        f"theory of the vertical\njet has the head v^2/(2 g) + {END} R: "
+def emptied(title: str, case: Case, target: str) -> Table:
+    """Returns the table of a tank that empties; target: of the draining time."""
+    targets = {
+        "speed / sqrt(2 g h) - 1": "within 3 %",
+        "area of the jet / theory - 1": "none",
+        "draining time / theory - 1": target,
+    }
+    return against(f"Tank {title}", case, targets)
+
+
+def hole(spacings: int, square: bool, target: str) -> Table:
+    """Returns the table of a hole of this number of spacings half width."""
+    title = f"{VESSEL} m deep, {'square' if square else 'round'} hole of {spacings} spacings half "
+    return emptied(f"{title}width", partial(through_hole, HOLE / spacings, square), target)
+
+
+BENCHES = {
+    "boundaries": Bench(
+        "Inflows and outflows",
+        "Computed from positions and velocities. The theory of the draining time has the "
+        "contraction pi/(pi + 2) = 0.611 of the plane jet for the slit,\nand measured coefficients "
+        f"of discharge for holes ({round_discharge(0.65 * VESSEL, 2.0 * HOLE):.3f}, square "
+        f"{SQUARE} times as much); the theory of the vertical jet\nhas the head "
+        f"v^2/(2 g) + {END} R: "
         'docs/method.md, "Openings".\n',
-        tabulate(table, "keys", "github", disable_numparse=True),
-        "",
-    ]
-    (RESULTS / "boundaries.md").write_text("\n".join(report))
-
-
-if __name__ == "__main__":
-    main()
+        {
+            "slit": emptied(
+                f"{DEEP} m deep, slit {SLIT / FINE:.0f} spacings wide", through_slit, "within 5 %"
+            ),
+            "round": hole(4, False, "within 4 %"),
+            "square": hole(4, True, "within 4 %"),
+            "fine round": hole(8, False, "within 2 %"),
+            "through": against(
+                "Spring and pump of the same rate",
+                through_flow,
+                {
+                    f"largest change of the {name} in 30 s": "within 1 %"
+                    for name in ("mass", "level")
+                },
+            ),
+            "jet": against(
+                f"Vertical jet, {2 * JET_RADIUS / FINE:.0f} spacings in diameter",
+                jet,
+                {
+                    "height of its front / (v^2/(2 g)) - 1": "within 3 %",
+                    "steady head / (v^2/(2 g)) - 1": "within 3 %",
+                    "steady head / theory - 1": "none",
+                },
+            ),
+            **{
+                f"plate {angle}": against(
+                    f"Jet of {2 / PLATE_SPACING:.0f} spacings on a plate inclined by {angle} "
+                    "degrees",
+                    partial(on_plate, angle),
+                    {"force / theory - 1": "within 2 %"},
+                )
+                for angle in (0, 30)
+            },
+            "filling": against(
+                "Basin that a spring fills", filling, {"level / theory - 1": "within 1 %"}
+            ),
+        },
+    )
+}

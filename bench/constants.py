@@ -1,29 +1,18 @@
 """Effect of each constant of the projection method on errors, steps and particles.
 
-python bench/constants.py [--only NAME] [--arch cpu]
-
 Two simulations per value: layered water at rest, 30 fine spacings deep, and the shipped dam break.
-A constant that changes no figure within a factor of 2 needs no tuning. Each run is a separate
-process, because constants are compiled into kernels.
+A constant that changes no figure within a factor of 2 needs no tuning.
 """
 
 import importlib
 import json
-import subprocess
-import sys
-from pathlib import Path
+from functools import partial
 from typing import Any
 
-import click
 import numpy as np
-from tabulate import tabulate
-from tqdm import tqdm
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench import tanks
-from bench.report import RESULTS, heading
-from msph.device import ARCHES, start
+from bench.tables import Bench, Table
 from msph.fluid.external_forces import ExternalForces
 from msph.measure.bulk import bulk_density
 from msph.scene import load_scene
@@ -78,23 +67,25 @@ FINE, SPACINGS_DEEP, LAYERS, SETTLE, READ = 0.02, 30, 4, 0.5, 0.5
 FRAMES = 36
 
 
-def run(module: str, name: str, value: Any, settings: list[str]) -> dict[str, float]:
+def run(
+    module: str, name: str, value: Any, settings: tuple[str, ...], start: int
+) -> dict[str, float]:
     """Runs both simulations with one constant changed, with none if module is ""; returns their
     figures."""
     if module == "scene":
-        settings = [*settings, f"{name}={value}"]
+        settings = (*settings, f"{name}={value}")
     elif module:
         found = importlib.import_module(FLUID + module)
         if not hasattr(found, name):
             raise AttributeError(f"{FLUID}{module} has no {name}: a run would change nothing")
         setattr(found, name, value)
-    return at_rest(tuple(settings)) | dam_break(tuple(settings))
+    return at_rest(settings, start) | dam_break((*settings, f"seed={start}"))
 
 
-def at_rest(settings: tuple[str, ...]) -> dict[str, float]:
+def at_rest(settings: tuple[str, ...], start: int) -> dict[str, float]:
     """Returns the figures of still water: pressure error against rho g (H - y), energy rise in 1 s,
     mean solver residual (-); kinetic energy [mJ]; number of particles that changed layer."""
-    scene = tanks.tank((10 * FINE, 10 * FINE), SPACINGS_DEEP * FINE, FINE, LAYERS)
+    scene = tanks.tank((10 * FINE, 10 * FINE), SPACINGS_DEEP * FINE, FINE, LAYERS, seed=start)
     changed = {}
     for text in settings:
         table, key = text.split("=")[0].split(".")
@@ -127,10 +118,9 @@ def dam_break(settings: tuple[str, ...]) -> dict[str, float]:
         sim.advance(tanks.FRAME, ExternalForces())
         reading.read()
         if frame % 6 == 5:
-            spacing = np.array([s.spacing for s in sim.layers.specs])
-            spacing = spacing[sim.particles.numpy("layer")]
-            x = sim.particles.numpy("x").astype(float)
-            bulk.append(bulk_density(x, spacing, sim.size).mean - 1.0)
+            water = reading.water
+            found = bulk_density(water.positions(), water.spacings(), water.size)
+            bulk.append(found.mean - 1.0)
     return {
         "solver residual, mean": float(np.mean(reading.error_mean)),
         "99th percentile": float(np.mean(reading.error_p99)),
@@ -143,64 +133,49 @@ def dam_break(settings: tuple[str, ...]) -> dict[str, float]:
     }
 
 
-def cells(found: dict[str, float]) -> list[str]:
-    """Returns the table cells of a run; ratios in percent."""
-    return [
-        f"{value:.3g}"
-        if name.endswith("mJ")
-        else f"{value:.0f}"
-        if value == round(value)
-        else f"{100.0 * value:.3f} %"
-        for name, value in found.items()
-    ]
+def cases() -> dict[tuple[str, str], partial]:
+    """Returns the runs, with two of the defaults for each of the settings."""
+    found = {}
+    for settings in dict.fromkeys(s for *_, s in TRIED):
+        given = ", ".join(settings)
+        for name in ("defaults", "defaults, second run"):
+            found[name, given] = partial(run, "", name, 0, settings)
+        for module, name, values, own in TRIED:
+            for value in values if own == settings else ():
+                tried = partial(run, module, name, value, settings)
+                found[f"`{name}` = {value:.4g}", given] = tried
+    return found
 
 
-def write(rows: list[list[str]], heads: list[str], arch: str) -> None:
-    """Writes the report of the rows measured so far."""
-    report = [
-        heading("Constants of the projection method", arch),
-        f"Layered water at rest, {SPACINGS_DEEP} fine spacings deep, {READ:g} s after "
-        f"{SETTLE:g} s; and the shipped dam break, {FRAMES} frames.\nThe two rows of defaults show "
-        "the variation between runs: threads add numbers in varying order.\n",
-        tabulate(rows, headers=heads, tablefmt="github", disable_numparse=True),
-        "",
-    ]
-    (RESULTS / "constants.md").write_text("\n".join(report))
-
-
-@click.command()
-@click.option("--only", help="Run only the constants whose name contains this text.")
-@click.option("--worker", hidden=True, help="Module, name and value as JSON: one run, printed.")
-@click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
-def main(only: str | None, worker: str | None, arch: str) -> None:
-    """Run all values and write bench/results/constants.md."""
-    if worker is not None:
-        start(arch)
-        click.echo(json.dumps(run(*json.loads(worker))))
-        return
-    requested = [tried for tried in TRIED if not only or only in tried[1]]
-    runs: list[tuple[str, str, Any, tuple[str, ...]]] = []
-    for settings in dict.fromkeys(s for *_, s in requested):
-        runs += [("", "defaults", 0, settings), ("", "defaults, second run", 0, settings)]
-        runs += [(m, n, v, s) for m, n, values, s in requested for v in values if s == settings]
-    arch, rows = start(arch), []
-    for module, name, value, settings in tqdm(runs, unit="run"):
-        command = [sys.executable, __file__, "--arch", arch]
-        done = subprocess.run(
-            [*command, "--worker", json.dumps((module, name, value, settings))],
-            capture_output=True,
-            text=True,
-        )
-        label = f"`{name}` = {value:.4g}" if module else name
-        label = ", ".join([label, *settings])
-        if done.returncode:
-            rows.append([label, done.stderr.strip().splitlines()[-1][:60]])
-            continue
-        found = json.loads(done.stdout.strip().splitlines()[-1])
-        rows.append([label, *cells(found)])
-        write(rows, ["constant", *found], arch)
-    click.echo((RESULTS / "constants.md").read_text())
-
-
-if __name__ == "__main__":
-    main()
+FORMS = {
+    "pressure at rest": ".3%",
+    "energy rise at rest": ".3%",
+    "solver residual at rest": ".3%",
+    "kinetic energy at rest, mJ": ".3g",
+    "changed layer": ".0f",
+    "solver residual, mean": ".3%",
+    "99th percentile": ".3%",
+    "largest": ".3%",
+    "bulk density, worst": ".3%",
+    "energy left": ".3%",
+    "steps": ".0f",
+    "iterations": ".0f",
+    "particles": ".0f",
+}
+BENCHES = {
+    "constants": Bench(
+        "Constants of the projection method",
+        "The two rows of defaults show the variation between runs: threads add numbers in varying "
+        "order.\n",
+        {
+            "constants": Table(
+                f"Layered water at rest, {SPACINGS_DEEP} fine spacings deep, {READ:g} s after "
+                f"{SETTLE:g} s; and the shipped dam break, {FRAMES} frames",
+                ("constant", "setting"),
+                cases(),
+                FORMS,
+                starts=1,
+            )
+        },
+    )
+}

@@ -1,4 +1,4 @@
-"""Cases of floating bodies for bench/bodies.py: drafts, heave decay, conservation, stability."""
+"""Cases of floating bodies of bench/bodies.py: drafts, heave decay, conservation, stability."""
 
 import math
 from typing import Any
@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import brentq, minimize
 from scipy.stats import qmc
 
-from bench import rows, tanks
+from bench import tanks
 from bench.heave_theory import decay
 from msph.fluid.boundary.rigid_bodies import volume
 from msph.fluid.external_forces import ExternalForces
@@ -46,14 +46,13 @@ def run(
 ) -> tuple[Ledger, np.ndarray, np.ndarray]:
     """Runs a simulation; returns the ledger, and the positions [m] and rotation matrices of the
     floating bodies after each frame, (frames, bodies, 3) and (frames, bodies, 3, 3)."""
-    ledger, external = Ledger(sim, density_every=math.inf), ExternalForces((0.0, -gravity, 0.0))
-    ledger.record(external.gravity)
-    places, turns = [], []
-    for _ in range(round(seconds / tanks.FRAME)):
-        sim.advance(tanks.FRAME, external)
-        ledger.record(external.gravity)
+    places, turns, forces = [], [], ExternalForces((0.0, -gravity, 0.0))
+
+    def read() -> None:
         places.append(sim.boundary.floating.x.copy())
         turns.append(sim.boundary.floating.turn.copy())
+
+    ledger = tanks.recorded(sim, seconds, lambda time: forces, read)
     return ledger, np.array(places), np.array(turns)
 
 
@@ -63,50 +62,37 @@ def water_volume(sim: Any) -> float:
     return sum(n * s.mass / s.density for n, s in zip(sim.counts(), specs, strict=True))
 
 
-def draft(kind: str, density: float, layers: int, fine: float = FINE) -> dict[str, str]:
-    """Returns the table row of a body that floats: mean error over the last BOBS [s] of the height
+def draft(kind: str, density: float, layers: int, fine: float, seed: int) -> dict[str, Any]:
+    """Returns the figures of a body that floats: mean error over the last BOBS [s] of the height
     of its waterline, over the body's height; fine [m]: finest spacing."""
     half = 0.5 * HEIGHT
     samples = np.random.default_rng(0).uniform(-half, half, (100_000, 3))
     if kind == "ball":
         samples = samples[np.linalg.norm(samples, axis=1) < half]
-
-    def case(seed: int) -> dict[str, float]:
-        x = [0.5 * EDGE, DEPTH + half - HEIGHT * density / 1000.0, 0.5 * EDGE]
-        shape: dict[str, Any] = {"centre": x, "radius": half}
-        if kind == "cube":
-            corners = {"lo": [c - half for c in x], "hi": [c + half for c in x]}
-            shape = {**corners, "spin": KICK, "axis": AXIS}
-        sim = build(layers, [{**shape, "density": density}], seed, fine)
-        level = water_volume(sim) + volume(sim.boundary.bodies[0]) * density / 1000.0
-        level /= EDGE**2
-        ledger, places, turns = run(sim, TURNING if kind == "cube" else AFLOAT)
-        last = round(BOBS / tanks.FRAME)
-        ups = turns[-last:, 0, 1]
-        # Heights of the waterline at which the submerged volume carries the body's weight.
-        wanted = [
-            y + np.quantile(samples @ up, density / 1000.0)
-            for y, up in zip(places[-last:, 0, 1], ups, strict=True)
-        ]
-        return {
-            "draft error": float((level - np.mean(wanted)) / HEIGHT),
-            "steepest axis": float(np.abs(ups).max(axis=1).mean()),
-            "energy gain": ledger.energy_gain(),
-        }
-
-    forms = {"draft error": "+.2%", "steepest axis": ".2f", "energy gain": ".0e"}
-    row = rows.over_starts(case, forms)
-    stable = f"{least_energy(density / 1000.0):.2f}" if kind == "cube" else "-"
-    if kind == "ball":
-        row["steepest axis"] = "-"
-    return {
-        "body": kind,
-        "density": f"{density:g}",
-        "layers": str(layers),
-        "spacings": f"{HEIGHT / fine:.0f}",
-        **row,
-        "steepest axis of least energy": stable,
+    x = [0.5 * EDGE, DEPTH + half - HEIGHT * density / 1000.0, 0.5 * EDGE]
+    shape: dict[str, Any] = {"centre": x, "radius": half}
+    if kind == "cube":
+        corners = {"lo": [c - half for c in x], "hi": [c + half for c in x]}
+        shape = {**corners, "spin": KICK, "axis": AXIS}
+    sim = build(layers, [{**shape, "density": density}], seed, fine)
+    level = water_volume(sim) + volume(sim.boundary.bodies[0]) * density / 1000.0
+    level /= EDGE**2
+    ledger, places, turns = run(sim, TURNING if kind == "cube" else AFLOAT)
+    last = round(BOBS / tanks.FRAME)
+    ups = turns[-last:, 0, 1]
+    # Heights of the waterline at which the submerged volume carries the body's weight.
+    wanted = [
+        y + np.quantile(samples @ up, density / 1000.0)
+        for y, up in zip(places[-last:, 0, 1], ups, strict=True)
+    ]
+    found = {
+        "draft error": float((level - np.mean(wanted)) / HEIGHT),
+        "energy gain": ledger.energy_gain(),
     }
+    if kind == "cube":
+        found["steepest axis"] = float(np.abs(ups).max(axis=1).mean())
+        found["steepest axis of least energy"] = least_energy(density / 1000.0)
+    return found
 
 
 def least_energy(density: float) -> float:
@@ -125,68 +111,49 @@ def least_energy(density: float) -> float:
     return float(np.abs(found.x).max() / np.linalg.norm(found.x))
 
 
-def drift(layers: int) -> dict[str, str]:
-    """Returns the table row of a neutrally buoyant ball: distance moved over its diameter."""
-
-    def case(seed: int) -> dict[str, float]:
-        body = {"centre": [0.5 * EDGE, 0.2, 0.5 * EDGE], "radius": 0.5 * HEIGHT, "density": 1000.0}
-        _, places, _ = run(build(layers, [body], seed), ADRIFT)
-        return {"way over diameter": float(np.linalg.norm(places[-1] - places[0]) / HEIGHT)}
-
-    return {"layers": str(layers), **rows.over_starts(case, {"way over diameter": ".2%"})}
+def drift(layers: int, seed: int) -> dict[str, float]:
+    """Returns the distance that a neutrally buoyant ball moves, over its diameter."""
+    body = {"centre": [0.5 * EDGE, 0.2, 0.5 * EDGE], "radius": 0.5 * HEIGHT, "density": 1000.0}
+    _, places, _ = run(build(layers, [body], seed), ADRIFT)
+    return {"way over diameter": float(np.linalg.norm(places[-1] - places[0]) / HEIGHT)}
 
 
-def heave(
-    layers: int, fine: float, width: float, starts: int, depth: float = DEEP, relief: float = 1.0
-) -> dict[str, str]:
-    """Returns the table row of the heave decay of a half-submerged ball, in a square tank of
+def heave(layers: int, fine: float, width: float, relief: float, seed: int) -> dict[str, float]:
+    """Returns the figures of the heave decay of a half-submerged ball, in a square tank of
     `width` [m]; relief: share of shear relief (-)."""
     draft = brentq(
         lambda d: math.pi * d**2 * (RADIUS - d / 3.0) * KRAMER_WATER - MASS, 0, 2 * RADIUS
     )
-    readings = []
     options: dict[str, Any] = {
         "density": KRAMER_WATER,
         "size": (width, width),
-        "depth": depth,
+        "depth": DEEP,
         "projection": {"shear_relief": relief},
         "adaptation": {"enabled": layers > 1, "capacity": CAPACITY},
     }
     ball: dict[str, Any] = {"radius": RADIUS, "mass": MASS, "release": HELD}
-    for seed in range(starts):
-        rest, sim = depth + RADIUS - draft, None
-        for _ in range(2):
-            # Water inside the ball at the start is omitted; the hole fills while the ball is held.
-            # The omitted volume is known only after a first build of the tank.
-            if sim:
-                sim.close()
-            body = {**ball, "centre": [0.5 * width, rest + RELEASE, 0.5 * width]}
-            sim = build(layers, [body], seed, fine, **options)
-            rest = (water_volume(sim) + MASS / KRAMER_WATER) / width**2 + RADIUS - draft
-        external = ExternalForces((0.0, -KRAMER_GRAVITY, 0.0))
-        times, heights = [], []
-        while sim.time < HELD + 1.0:
-            sim.advance(0.005, external)
-            times.append(sim.time - HELD)
-            heights.append(float(sim.boundary.floating.x[0, 1]) - rest)
-        readings.append(first_period(np.array(times), np.array(heights)))
+    rest, sim = DEEP + RADIUS - draft, None
+    for _ in range(2):
+        # Water inside the ball at the start is omitted; the hole fills while the ball is held.
+        # The omitted volume is known only after a first build of the tank.
+        if sim:
+            sim.close()
+        body = {**ball, "centre": [0.5 * width, rest + RELEASE, 0.5 * width]}
+        sim = build(layers, [body], seed, fine, **options)
+        rest = (water_volume(sim) + MASS / KRAMER_WATER) / width**2 + RADIUS - draft
+    external = ExternalForces((0.0, -KRAMER_GRAVITY, 0.0))
+    times, heights = [], []
+    while sim.time < HELD + 1.0:
+        sim.advance(0.005, external)
+        times.append(sim.time - HELD)
+        heights.append(float(sim.boundary.floating.x[0, 1]) - rest)
+    period, trough = first_period(np.array(times), np.array(heights))
     theory = first_period(*decay(RELEASE, RADIUS, KRAMER_GRAVITY, 1.0))
-    errors = [
-        rows.spread([found[k] / reference[k] - 1.0 for found in readings], "{:+.1%}")
-        for reference in ((PERIOD, TROUGH), theory)
-        for k in (0, 1)
-    ]
     return {
-        "spacings per radius": f"{RADIUS / fine:.1f}",
-        "layers": str(layers),
-        "shear relief": f"{relief:g}",
-        "tank [m]": f"{width:g}",
-        "starts": str(starts),
-        "depth [m]": f"{depth:g}",
-        "period error": errors[0],
-        "trough error": errors[1],
-        "period, potential flow": errors[2],
-        "trough, potential flow": errors[3],
+        "period error": period / PERIOD - 1.0,
+        "trough error": trough / TROUGH - 1.0,
+        "period, potential flow": period / theory[0] - 1.0,
+        "trough, potential flow": trough / theory[1] - 1.0,
     }
 
 
@@ -200,39 +167,27 @@ def first_period(t: np.ndarray, z: np.ndarray) -> tuple[float, float]:
     return float(crest - 0.5 * slope / curve[0]), -float(z[~late].min())
 
 
-def collision(density: float) -> dict[str, str]:
-    """Returns the table row of water and a spinning cube that collide without gravity."""
-
-    def case(seed: int) -> dict[str, float]:
-        scene = {
-            "seed": seed,
-            "box": {"size": [1, 1, 1]},
-            "layers": [{"spacing": FINE}],
-            "water": [{"centre": [0.35, 0.5, 0.5], "radius": 0.15, "velocity": [1, 0, 0]}],
-            "bodies": [
-                {
-                    "lo": [0.62, 0.45, 0.48],
-                    "hi": [0.72, 0.55, 0.58],
-                    "density": density,
-                    "velocity": [-0.5, 0, 0],
-                    "spin": 50,
-                }
-            ],
-        }
-        # After 0.32 s water reaches walls of the box, to which it gives momentum.
-        ledger, _, _ = run(tanks.build(Scene.model_validate(scene)), 0.3, gravity=0.0)
-        first, last = ledger.entries[0], ledger.entries[-1]
-        momentum = last.momentum + last.floating_momentum - first.momentum - first.floating_momentum
-        angular = last.angular_momentum + last.floating_angular_momentum
-        angular = angular - first.angular_momentum - first.floating_angular_momentum
-        return {
-            "momentum": float(np.abs(momentum).max()) / first.momentum_scale,
-            "angular momentum": float(np.abs(angular).max()) / first.angular_scale,
-            "energy gain": ledger.energy_gain(),
-        }
-
-    forms = {"momentum": ".0e", "angular momentum": ".0e", "energy gain": ".0e"}
-    return {"density over water's": f"{density / 1000.0:g}", **rows.over_starts(case, forms)}
+def collision(density: float, seed: int) -> dict[str, float]:
+    """Returns the figures of water and a spinning cube that collide without gravity."""
+    cube = {"lo": [0.62, 0.45, 0.48], "hi": [0.72, 0.55, 0.58], "density": density}
+    scene = {
+        "seed": seed,
+        "box": {"size": [1, 1, 1]},
+        "layers": [{"spacing": FINE}],
+        "water": [{"centre": [0.35, 0.5, 0.5], "radius": 0.15, "velocity": [1, 0, 0]}],
+        "bodies": [{**cube, "velocity": [-0.5, 0, 0], "spin": 50}],
+    }
+    # After 0.32 s water reaches walls of the box, to which it gives momentum.
+    ledger, _, _ = run(tanks.build(Scene.model_validate(scene)), 0.3, gravity=0.0)
+    first, last = ledger.entries[0], ledger.entries[-1]
+    momentum = last.momentum + last.floating_momentum - first.momentum - first.floating_momentum
+    angular = last.angular_momentum + last.floating_angular_momentum
+    angular = angular - first.angular_momentum - first.floating_angular_momentum
+    return {
+        "momentum": float(np.abs(momentum).max()) / first.momentum_scale,
+        "angular momentum": float(np.abs(angular).max()) / first.angular_scale,
+        "energy gain": ledger.energy_gain(),
+    }
 
 
 def _ball(x: list[float], radius: float, density: float, **more: Any) -> dict[str, Any]:
@@ -260,22 +215,12 @@ HARD = {
 }
 
 
-def hard(name: str) -> dict[str, str]:
-    """Returns the table row of a hard case."""
-
-    def case(seed: int) -> dict[str, float]:
-        sim = build(1, HARD[name], seed)
-        ledger, _, _ = run(sim, HARDSHIP)
-        floating = sim.boundary.floating
-        return {
-            "energy gain": ledger.energy_gain(),
-            "fastest body at the end [m/s]": float(np.linalg.norm(floating.v, axis=1).max()),
-            "leaked particles": float(max(e.outside for e in ledger.entries)),
-        }
-
-    forms = {
-        "energy gain": ".0e",
-        "fastest body at the end [m/s]": ".2f",
-        "leaked particles": ".0f",
+def hard(name: str, seed: int) -> dict[str, float]:
+    """Returns the figures of a hard case."""
+    sim = build(1, HARD[name], seed)
+    ledger, _, _ = run(sim, HARDSHIP)
+    return {
+        "energy gain": ledger.energy_gain(),
+        "fastest body at the end [m/s]": np.linalg.norm(sim.boundary.floating.v, axis=1).max(),
+        "leaked particles": max(e.outside for e in ledger.entries),
     }
-    return {"case": name, **rows.over_starts(case, forms)}

@@ -1,4 +1,4 @@
-"""Cases of held and moved bodies for bench/bodies.py: pressures, buoyancy, gaps, energy."""
+"""Cases of held and moved bodies of bench/bodies.py: pressures, buoyancy, gaps, energy."""
 
 import itertools
 import math
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from bench import rows, tanks
+from bench import tanks
 from msph.fluid.external_forces import ExternalForces
 from msph.measure.ledger import Ledger
 from msph.measure.snapshot import Snapshot
@@ -36,7 +36,16 @@ GAPS = [
 # Balls that move at floor and wall after HELD [s] at rest: speed [m/s], way [m], and time over
 # which a force is averaged [s].
 SLOW, WAY, HELD, MEAN = 0.05, 0.075, 1.5, 0.25
-MOVES = ("sinks to the floor", "rises from the floor", "passes along the wall")
+MOVES = {
+    "sinks to the floor": "vertical",
+    "rises from the floor": "vertical",
+    "passes along the wall": "away from the wall",
+}
+SPANS = [
+    f"{a:g} to {b:g} s" for a, b in itertools.pairwise(np.arange(0.0, WAY / SLOW + MEAN / 2, MEAN))
+]
+# Name of the vertical force on a body.
+WEIGHT = "force over displaced weight"
 
 
 def still_water(bodies: list[dict[str, Any]], layers: int, seed: int = 0) -> Any:
@@ -55,15 +64,15 @@ def sphere(n: int) -> np.ndarray:
 def settle(sim: Any, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, Ledger]:
     """Runs a simulation; returns the mean pressures [Pa] at points (n, 3) [m] and the mean force
     on the bodies [N] after the water has settled, and the ledger of the whole run."""
-    ledger, readings = Ledger(sim, density_every=math.inf), []
-    gravity, frames = (0.0, -tanks.GRAVITY, 0.0), round(SECONDS / tanks.FRAME)
+    frames, readings = round(SECONDS / tanks.FRAME), []
     settled = round(SETTLING * frames)
-    ledger.record(gravity)
-    for frame in range(1, frames + 1):
-        sim.advance(tanks.FRAME, ExternalForces(gravity))
-        ledger.record(gravity)
+
+    def read() -> None:
+        frame = round(sim.time / tanks.FRAME)
         if frame > settled and frame % 6 == 0:
             readings.append(Snapshot.of(sim).pressures(points) if len(points) else [])
+
+    ledger = tanks.recorded(sim, SECONDS, read=read)
     first, last = ledger.entries[settled], ledger.entries[-1]
     force = (first.body_impulse - last.body_impulse) / (last.time - first.time)
     return np.mean(readings, axis=0), force, ledger
@@ -92,8 +101,8 @@ def worst_side(ratio: np.ndarray, normals: np.ndarray) -> float:
     return max(means, key=abs)
 
 
-def faces(kind: str, water: str) -> dict[str, str]:
-    """Returns the table row of the pressures on a body in still water."""
+def faces(kind: str, water: str, seed: int) -> dict[str, float]:
+    """Returns the figures of the pressures on a body in still water."""
     layers, sunk = WATERS[water], 0.0
     lo, hi = np.array(MIDDLE) - HALF, np.array(MIDDLE) + HALF
     mesh = kind.startswith("mesh")
@@ -118,44 +127,37 @@ def faces(kind: str, water: str) -> dict[str, str]:
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "body.obj"
             shape.export(file)
-            sim = still_water([{"mesh": str(file)}], layers)
+            sim = still_water([{"mesh": str(file)}], layers, seed)
     else:
-        sim = still_water([body], layers)
+        sim = still_water([body], layers, seed)
     mass = sum(n * spec.mass for n, spec in zip(sim.counts(), sim.layers.specs, strict=True))
     level = (mass / 1000.0 + sunk) / area
     found, force, ledger = settle(sim, points)
     ratio = found / (1000.0 * tanks.GRAVITY * (level - points[:, 1])) - 1.0
     row = {
-        "body": kind,
-        "water": water,
-        "pressure, mean": f"{ratio.mean():+.2%}",
-        "worst side, mean": f"{worst_side(ratio, normals):+.2%}",
-        "rms": f"{np.sqrt((ratio**2).mean()):.2%}",
-        "worst point": f"{ratio[np.abs(ratio).argmax()]:+.2%}",
-        "force over displaced weight": "-",
-        "pressure integral over force": "-",
-        "energy rise in 1 s": f"{ledger.energy_rise():.3%}",
+        "pressure, mean": ratio.mean(),
+        "worst side, mean": worst_side(ratio, normals),
+        "rms": np.sqrt((ratio**2).mean()),
+        "worst point": ratio[np.abs(ratio).argmax()],
+        "energy rise in 1 s": ledger.energy_rise(),
     }
     if sunk:
         integral = -np.sum(found * normals[:, 1] * areas)
-        row["force over displaced weight"] = f"{force[1] / (1000.0 * tanks.GRAVITY * sunk):.2%}"
-        row["pressure integral over force"] = f"{integral / force[1] - 1.0:+.2%}"
+        row[WEIGHT] = force[1] / (1000.0 * tanks.GRAVITY * sunk)
+        row["pressure integral over force"] = integral / force[1] - 1.0
     return row
 
 
-def buoyancy(radius: float) -> dict[str, str]:
-    """Returns the table row of the force on a submerged ball of `radius` [m]."""
-    sim = still_water([{"centre": MIDDLE, "radius": radius}], 1)
+def buoyancy(radius: float, seed: int) -> dict[str, float]:
+    """Returns the force on a submerged ball of `radius` [m]."""
+    sim = still_water([{"centre": MIDDLE, "radius": radius}], 1, seed)
     _, force, _ = settle(sim, np.zeros((0, 3)))
     weight = 1000.0 * tanks.GRAVITY * 4.0 / 3.0 * math.pi * radius**3
-    return {
-        "radius over spacing": f"{radius / FINE:.1f}",
-        "force over displaced weight": f"{force[1] / weight:.2%}",
-    }
+    return {WEIGHT: force[1] / weight}
 
 
-def at_wall(kind: str, gap: float) -> dict[str, str]:
-    """Returns the table row of the force on a body `gap` spacings from the floor or a wall."""
+def at_wall(kind: str, gap: float, seed: int) -> dict[str, float]:
+    """Returns the force on a body `gap` spacings from the floor or a wall."""
     near = gap * FINE
     if kind == "box at a wall":
         # A swing with an amplitude of 1e-9 m, since a moving box is not extended into the wall.
@@ -166,19 +168,14 @@ def at_wall(kind: str, gap: float) -> dict[str, str]:
         place = [EDGE / 2, near + RADIUS, EDGE / 2]
         body = {"centre": place if kind == "ball on the floor" else [place[1], 0.2, place[0]]}
         body["radius"], displaced = RADIUS, 4.0 / 3.0 * math.pi * RADIUS**3
-    _, force, _ = settle(still_water([body], 1), np.zeros((0, 3)))
+    _, force, _ = settle(still_water([body], 1, seed), np.zeros((0, 3)))
     force = force / (1000.0 * tanks.GRAVITY * displaced)
-    return {
-        "body": kind,
-        "gap over spacing": f"{gap:g}",
-        "vertical": f"{force[1]:.1%}",
-        "away from the wall": f"{force[0]:+.1%}",
-    }
+    return {"vertical": force[1], "away from the wall": force[0]}
 
 
-def moving(kind: str) -> dict[str, str]:
-    """Returns the table row of the force on a ball that moves slowly at the floor or a wall, over
-    its displaced weight: means over successive MEAN [s]."""
+def moving(kind: str, seed: int) -> dict[str, float]:
+    """Returns the force on a ball that moves slowly at the floor or a wall, over its displaced
+    weight: means over the SPANS."""
     gap = {"sinks to the floor": WAY, "rises from the floor": 0.0}.get(kind, 0.5 * FINE)
     way = f"{SLOW}*min(max(t - {HELD}, 0), {WAY / SLOW})"
     if "floor" in kind:
@@ -188,33 +185,24 @@ def moving(kind: str) -> dict[str, str]:
         centre, path, axis = [gap + RADIUS, 0.2, (EDGE - WAY) / 2], ["0", "0", way], 0
     body = {"centre": centre, "radius": RADIUS, "displacement": path}
     weight = 1000.0 * tanks.GRAVITY * 4.0 / 3.0 * math.pi * RADIUS**3
-    ends = np.arange(0.0, WAY / SLOW + MEAN / 2, MEAN)
-    spans = [f"{a:g} to {b:g} s" for a, b in itertools.pairwise(ends)]
-
-    def case(seed: int) -> dict[str, float]:
-        sim = still_water([body], 1, seed)
-        tanks.run(sim, HELD)
-        found = {}
-        for name in spans:
-            begin, impulse = sim.time, float(sim.boundary.impulse[0, axis])
-            tanks.run(sim, MEAN)
-            force = (float(sim.boundary.impulse[0, axis]) - impulse) / (sim.time - begin)
-            found[name] = force / weight
-        return found
-
-    return {
-        "ball": kind,
-        "force": "vertical" if axis == 1 else "away from the wall",
-        **rows.over_starts(case, dict.fromkeys(spans, ".1%")),
-    }
+    sim = still_water([body], 1, seed)
+    tanks.run(sim, HELD)
+    found = {}
+    for name in SPANS:
+        begin, impulse = sim.time, float(sim.boundary.impulse[0, axis])
+        tanks.run(sim, MEAN)
+        force = (float(sim.boundary.impulse[0, axis]) - impulse) / (sim.time - begin)
+        found[name] = force / weight
+    return found
 
 
-def collapse(ratio: float) -> dict[str, str]:
-    """Returns the table row of the energy of a column of water that collapses past a ball of
+def collapse(ratio: float, seed: int) -> dict[str, float]:
+    """Returns the figures of the energy of a column of water that collapses past a ball of
     `ratio` spacings radius."""
     spacing = 0.03
     ball = {"centre": [0.4, 0.1, 0.35], "radius": ratio * spacing}
     scene = {
+        "seed": seed,
         "box": {"size": [EDGE, EDGE, EDGE]},
         "layers": [{"spacing": spacing}],
         "water": [{"lo": [0, 0, 0], "hi": [0.3, 0.4, EDGE]}],
@@ -227,8 +215,7 @@ def collapse(ratio: float) -> dict[str, str]:
         sim.advance(tanks.FRAME, ExternalForces(SLANTED))
         ledger.record(SLANTED)
     return {
-        "radius over spacing": f"{ratio:g}",
-        "energy rise in 1 s": f"{ledger.energy_rise():.3%}",
-        "solver residual, 99th percentile": f"{ledger.solver_residual()[1]:.2%}",
-        "outside": str(max(e.outside for e in ledger.entries)),
+        "energy rise in 1 s": ledger.energy_rise(),
+        "solver residual, 99th percentile": ledger.solver_residual()[1],
+        "outside": max(e.outside for e in ledger.entries),
     }

@@ -1,28 +1,14 @@
-"""Speed and errors of the classic and the projection method in the deep pool; pressure solvers.
+"""Speed and errors of the classic and the projection method in the deep pool; pressure solvers."""
 
-python bench/methods.py [--seconds 4] [--starts 3] [--resume] [--arch cpu]
-
-Each part is a process, from several starts, and is written to bench/results/methods.csv when it
-ends; --resume continues there.
-"""
-
-import json
 import statistics
-import sys
 import time
-from collections.abc import Callable
-from pathlib import Path
+from functools import partial
 
-import click
 import numpy as np
 import taichi as ti
-from tabulate import tabulate
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
-from bench import rows, tanks
-from bench.report import RESULTS, heading
-from msph.device import ARCHES, start
+from bench import tanks
+from bench.tables import Bench, Table
 from msph.fluid.external_forces import ExternalForces
 from msph.launches import data_oriented, kernel
 from msph.measure.bulk import bulk_density
@@ -47,46 +33,45 @@ SETUPS = {
         f"adaptation.every={10**9}",
     ),
 }
-# Time limit of a part [s].
-MAX_SECONDS = 1800
-TABLE = "methods.csv"
+# Simulated time of each run [s].
+SECONDS = 4.0
 # Formats of the figures by their head in the tables.
 SPEEDS = {
-    "particles": "{:,.0f}",
-    "ms per frame": "{:.1f}",
-    "real-time factor": "{:.2f}",
-    "steps per frame": "{:.1f}",
-    "momentum drift": "{:.2%}",
-    "energy gain": "{:.2%}",
+    "particles": ",.0f",
+    "ms per frame": ".1f",
+    "real-time factor": ".2f",
+    "steps per frame": ".1f",
+    "momentum drift": ".2%",
+    "energy gain": ".2%",
 }
 ERRORS = {
-    "pressure error, rms over depth": "{:.1%}",
-    "bulk density error": "{:+.2%}",
-    "kernel density error, mean": "{:.2%}",
-    "99th percentile of it": "{:.2%}",
-    "solver residual, mean": "{:.3%}",
-    "99th percentile": "{:.2%}",
-    "largest": "{:.1%}",
-    "height of the centre of mass": "{:+.2%}",
-    "energy rise in 1 s": "{:.3%}",
-    "kinetic energy, J": "{:.2f}",
+    "pressure error, rms over depth": ".1%",
+    "bulk density error": "+.2%",
+    "kernel density error, mean": ".2%",
+    "99th percentile of it": ".2%",
+    "solver residual, mean": ".3%",
+    "99th percentile": ".2%",
+    "largest": ".1%",
+    "height of the centre of mass": "+.2%",
+    "energy rise in 1 s": ".3%",
+    "kinetic energy, J": ".2f",
 }
 SOLVES = {
-    "remaining error": "{:.1%}",
-    "conjugate gradients: iterations": "{:.0f}",
-    "ms": "{:.1f}",
-    "Jacobi: iterations": "{:.0f}",
-    "Jacobi: ms": "{:.1f}",
-    "Jacobi: remaining error": "{:.1%}",
+    "remaining error": ".1%",
+    "conjugate gradients: iterations": ".0f",
+    "ms": ".1f",
+    "Jacobi: iterations": ".0f",
+    "Jacobi: ms": ".1f",
+    "Jacobi: remaining error": ".1%",
 }
 # Limit of the launches of the Jacobi solver, and iterations per launch.
 MAX_LAUNCHES, PER_LAUNCH = 150, 4
 
 
-def speed(setup: str, start: int, seconds: float) -> dict[str, float]:
+def speed(setup: str, start: int) -> dict[str, float]:
     """Returns the speed of the rocking pool, simulation only."""
     scene = load_scene(SCENE, (*GIVEN, *SETUPS[setup], f"seed={start}"))
-    found = benchmark(scene, SCENE, seconds, render=False)
+    found = benchmark(scene, SCENE, SECONDS, render=False)
     return {
         "particles": sum(found.particles),
         "ms per frame": found.frame_p50_ms,
@@ -97,14 +82,14 @@ def speed(setup: str, start: int, seconds: float) -> dict[str, float]:
     }
 
 
-def errors(setup: str, start: int, seconds: float) -> dict[str, float]:
-    """Returns the errors of the still pool over the second half of `seconds` [s]."""
+def errors(setup: str, start: int) -> dict[str, float]:
+    """Returns the errors of the still pool over the second half of the run."""
     scene = load_scene(SCENE, (*GIVEN, *SETUPS[setup], "sway.angle=0", f"seed={start}"))
     sim = build_simulation(scene)
     reading = tanks.Reading(sim)
-    tanks.run(sim, 0.5 * seconds)
+    tanks.run(sim, 0.5 * SECONDS)
     reading.read()
-    tanks.run(sim, 0.5 * seconds, reading)
+    tanks.run(sim, 0.5 * SECONDS, reading)
     water = reading.water
     x, spacing = water.positions(), water.spacings()
     kernel = kernel_density(x, spacing, sim.size)
@@ -213,76 +198,35 @@ def solve(layers: int, warm_start: bool, start: int, depth: int = 60) -> dict[st
     }
 
 
-# Parts: function, and first cells of its rows with its arguments.
-PARTS: dict[str, tuple[Callable, dict[tuple[str, str], tuple]]] = {
-    "speed": (speed, {(f"{SCENE}, rocking", setup): (setup,) for setup in SETUPS}),
-    "errors": (errors, {(SCENE, setup): (setup,) for setup in SETUPS}),
-    "solve": (
-        solve,
+TABLES = {
+    "speed": Table(
+        f"Speed and errors of `{SCENE}`, rocking, simulation only",
+        ("method",),
+        {(setup,): partial(speed, setup) for setup in SETUPS},
+        SPEEDS,
+    ),
+    "errors": Table(
+        f"Errors of `{SCENE}` at rest, over the second half of {SECONDS:g} s",
+        ("method",),
+        {(setup,): partial(errors, setup) for setup in SETUPS},
+        ERRORS,
+    ),
+    "solve": Table(
+        "Pressure solve of one step in still water 60 spacings deep: conjugate gradients to the "
+        "default tolerance, Jacobi until its displacements have the same error",
+        ("water", "initial guess"),
         {
-            (f"{water}, 60 spacings deep", guess): (layers, guess == "warm")
+            (water, guess): partial(solve, layers, guess == "warm")
             for water, layers in (("uniform", 1), ("layered", 4))
             for guess in ("cold", "warm")
         },
+        SOLVES,
     ),
 }
-
-
-def table(known: list[dict], part: str, heads: tuple[str, str], forms: dict[str, str]) -> str:
-    """Returns the Markdown table of a part: median (least to largest) over the starts."""
-    lines = []
-    for name, kind in PARTS[part][1]:
-        own = [r for r in known if (r["part"], r["name"], r["kind"]) == (part, name, kind)]
-        if own:
-            cells = {h: rows.spread([float(r[h]) for r in own], f) for h, f in forms.items()}
-            lines.append({**dict(zip(heads, (name, kind), strict=True)), **cells})
-    return tabulate(lines, headers="keys", tablefmt="github", disable_numparse=True)
-
-
-@click.command()
-@click.option("--seconds", default=4.0, show_default=True, help="Simulated time of each run [s].")
-@click.option(
-    "--starts", default=rows.STARTS, show_default=True, type=click.IntRange(1), help="Starts."
-)
-@click.option("--resume", is_flag=True, help="Keep the rows of earlier runs.")
-@click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
-@click.option("--worker", hidden=True)
-def main(seconds: float, starts: int, resume: bool, arch: str, worker: str | None) -> None:
-    """Measure speed and errors, and write bench/results/methods.{md,csv}."""
-    arch = start(arch)
-    if worker:
-        part, arguments = json.loads(worker)
-        print(json.dumps(PARTS[part][0](*arguments)))
-        return
-    known: list[dict] = rows.read(RESULTS / TABLE) if resume else []
-    done = {(r["part"], r["name"], r["kind"], str(r["start"])) for r in known}
-    for seed in range(starts):
-        for part, (_, cases) in PARTS.items():
-            for (name, kind), arguments in cases.items():
-                if (part, name, kind, str(seed)) in done:
-                    continue
-                more = () if part == "solve" else (seconds,)
-                task = (part, (*arguments, seed, *more))
-                found = rows.in_process(__file__, task, MAX_SECONDS)
-                click.echo(f"{part}, {name}, {kind}, start {seed + 1} {found.get('failure', '')}")
-                if "failure" not in found:
-                    known.append({"part": part, "name": name, "kind": kind, "start": seed, **found})
-                    rows.write(RESULTS / TABLE, known)
-    count = len({str(r["start"]) for r in known})
-    report = [
-        heading("Classic and projection method in the deep pool", arch),
-        f"{count} starts: median (least to largest).\n\nSpeed and errors, simulation only:\n",
-        table(known, "speed", ("pool", "method"), SPEEDS),
-        f"\nErrors of the pool at rest, over the second half of {seconds:g} s:\n",
-        table(known, "errors", ("pool", "method"), ERRORS),
-        "\nPressure solve of one step in still water: conjugate gradients to the default "
-        "tolerance, Jacobi until\nits displacements have the same error:\n",
-        table(known, "solve", ("water", "initial guess"), SOLVES),
-        "",
-    ]
-    (RESULTS / "methods.md").write_text("\n".join(report))
-    click.echo("\n".join(report))
-
-
-if __name__ == "__main__":
-    main()
+BENCHES = {
+    "methods": Bench(
+        "Classic and projection method in the deep pool",
+        "Medians (least to largest) over the starts.\n",
+        TABLES,
+    )
+}

@@ -1,25 +1,18 @@
-"""Moving tanks and wave makers against theory: python bench/moving.py
+"""Moving tanks and wave makers against theory.
 
 Surge at the first sloshing period, steady rotation, free fall, wave makers, and the rolled tank of
 SPHERIC test 10. Heights and motions are computed from positions and velocities.
 """
 
 import math
-import sys
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from typing import Any
 
-import click
 import numpy as np
-from tabulate import tabulate
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench import rows, tanks
-from bench.report import RESULTS, heading
-from msph.device import ARCHES, start
+from bench.tables import Bench, Table
 from msph.fluid.moving_box import MovingBox
 from msph.fluid.simulation import Simulation
 from msph.measure.ledger import Ledger
@@ -54,14 +47,8 @@ def run(scene: dict[str, Any], seconds: float, read: Read, frame: float = tanks.
     """Runs a scene with its motions, and read() after each frame; returns the ledger."""
     given = Scene.model_validate(scene)
     sim, path = tanks.build(given), box_path(given)
-    ledger = Ledger(sim, density_every=math.inf)
-    ledger.record(MovingBox(given.gravity, path).gravity)
-    for _ in range(round(seconds / frame)):
-        box = MovingBox(given.gravity, path, sim.time)
-        sim.advance(frame, box)
-        ledger.record(box.gravity)
-        read(sim)
-    return ledger
+    box = partial(MovingBox, given.gravity, path)
+    return tanks.recorded(sim, seconds, box, lambda: read(sim), frame)
 
 
 def surge_theory(times: np.ndarray, amplitude: float, depth: float) -> np.ndarray:
@@ -82,25 +69,21 @@ def surge_theory(times: np.ndarray, amplitude: float, depth: float) -> np.ndarra
     return total
 
 
-def surge(layers: int) -> dict[str, str]:
-    """Returns the table row of a tank surged at its first sloshing period: amplitudes of the
+def surge(layers: int, seed: int) -> dict[str, float]:
+    """Returns the figures of a tank surged at its first sloshing period: amplitudes of the
     centre's displacement in each of three periods against linear theory."""
-    depth, found = ACROSS * SPACING, []
-    period, gains = tanks.slosh_period(LENGTH, depth), []
-    amplitude = SURGE * LENGTH
-    for seed in range(rows.STARTS):
-        scene = tanks.tank((LENGTH, 4 * SPACING), depth, SPACING, layers, seed=seed).model_dump()
-        wave = f"{amplitude} * sin(2*pi*t/{period})"
-        scene["motion"] = {"displacement": [wave, 0, 0]}
-        ledger = run(scene, 3.02 * period, lambda sim: None)
-        t = np.array([e.time for e in ledger.entries])
-        x = np.array([e.centre[0] for e in ledger.entries]) - 0.5 * LENGTH
-        theory = surge_theory(t, amplitude, depth)
-        during = [(t > n * period) & (t <= (n + 1) * period) for n in range(3)]
-        found.append([np.ptp(x[d]) / np.ptp(theory[d]) - 1.0 for d in during])
-        gains.append(ledger.energy_gain())
-    errors = {f"period {n + 1}": rows.spread([f[n] for f in found], "{:+.1%}") for n in range(3)}
-    return {"layers": str(layers), **errors, "energy gain": rows.spread(gains, "{:.0e}")}
+    depth, amplitude = ACROSS * SPACING, SURGE * LENGTH
+    period = tanks.slosh_period(LENGTH, depth)
+    scene = tanks.tank((LENGTH, 4 * SPACING), depth, SPACING, layers, seed=seed).model_dump()
+    scene["motion"] = {"displacement": [f"{amplitude} * sin(2*pi*t/{period})", 0, 0]}
+    ledger = run(scene, 3.02 * period, lambda sim: None)
+    t = np.array([e.time for e in ledger.entries])
+    x = np.array([e.centre[0] for e in ledger.entries]) - 0.5 * LENGTH
+    theory, found = surge_theory(t, amplitude, depth), {}
+    for n in range(3):
+        during = (t > n * period) & (t <= (n + 1) * period)
+        found[f"period {n + 1}"] = np.ptp(x[during]) / np.ptp(theory[during]) - 1.0
+    return {**found, "energy gain": ledger.energy_gain()}
 
 
 def rotating(layers: int, seed: int) -> dict[str, float]:
@@ -226,11 +209,12 @@ def waves(kind: str, kd: float, seed: int) -> dict[str, float]:
     }
 
 
-def rolled() -> dict[str, str]:
-    """Returns the table row of the rolled tank: time between impacts on the wall, their phase in
+def rolled(seed: int) -> dict[str, Any]:
+    """Returns the figures of the rolled tank: time between impacts on the wall, their phase in
     the period of the roll, and peak pressures over ten periods after the first two."""
     period, spacing = SHARE * FIRST, FILL / ACROSS
-    scene = tanks.tank((ROLLED[0], ROLLED[2]), FILL, spacing, 1, air=ROLLED[1] - FILL).model_dump()
+    air, footprint = ROLLED[1] - FILL, (ROLLED[0], ROLLED[2])
+    scene = tanks.tank(footprint, FILL, spacing, 1, air=air, seed=seed).model_dump()
     angle = f"{ANGLE} * sin(2*pi*t/{period}) * min(t/{period}, 1)"
     scene["motion"] = {"angle": angle, "centre": [0.5 * ROLLED[0], 0, 0.5 * ROLLED[2]]}
     lo, hi = (0, FILL - 0.005, 0.5 * ROLLED[2] - 0.005), (0, FILL + 0.005, 0.5 * ROLLED[2] + 0.005)
@@ -253,103 +237,84 @@ def rolled() -> dict[str, str]:
     phases = [a / period % 1.0 for a in arrivals]
     return {
         "period of the roll [s]": f"{period:.3f}",
-        "time between peaks [s]": rows.spread(np.diff(arrivals).tolist(), "{:.3f}"),
-        "phase of the peak": rows.spread(phases, "{:.3f}"),
-        "peak pressure [Pa]": rows.spread(peaks, "{:.0f}"),
-        "peak over rho g H": rows.spread([q / (1000.0 * G * FILL) for q in peaks], "{:.2f}"),
-        "energy gain": f"{ledger.energy_gain():.0e}",
-        "leaked": str(max(e.outside for e in ledger.entries)),
+        "time between peaks [s]": rows.spread(np.diff(arrivals).tolist(), ".3f"),
+        "phase of the peak": rows.spread(phases, ".3f"),
+        "peak pressure [Pa]": rows.spread(peaks, ".0f"),
+        "peak over rho g H": rows.spread([q / (1000.0 * G * FILL) for q in peaks], ".2f"),
+        "energy gain": ledger.energy_gain(),
+        "leaked": float(max(e.outside for e in ledger.entries)),
     }
 
 
-# Formats of the figures.
-FALL = {
-    "pressure at rest": ".3f",
-    "pressure in fall": ".5f",
-    "speed at rest [m/s]": ".4f",
-    "speed in fall [m/s]": ".4f",
-    "energy gain": ".0e",
-}
-ROTATION = {
-    "rise of the surface": "+.1%",
-    "pressure": ".1%",
-    "speed [m/s]": ".3f",
-    "energy gain": ".0e",
-}
-WAVES = {
-    "height over stroke": ".3f",
-    "error": "+.1%",
-    "first gauge alone": "+.1%",
-    "reflected": ".1%",
-    "leaked": ".0f",
-}
-
-
-def layered(case: Callable[[int, int], dict[str, float]], layers: int, forms: dict) -> dict:
-    """Returns a table row over the starts of case(layers, seed)."""
-    return {"layers": str(layers), **rows.over_starts(partial(case, layers), forms)}
-
-
-def wave_row(kind: str, kd: float) -> dict[str, str]:
-    """Returns the table row of a wave maker."""
-    named = {"maker": kind, "kd": f"{kd:g}", "theory": f"{height_over_stroke(kind, kd):.3f}"}
-    return {**named, **rows.over_starts(partial(waves, kind, kd), WAVES)}
-
-
-# Title and rows of each table, by name.
+WATERS = (1, 2)
 STARTS = f"medians of {rows.STARTS} starts, and their range"
-TABLES: dict[str, tuple[str, Callable[[], list[dict[str, str]]]]] = {
-    "surge": (
-        f"Tank of {LENGTH} m surged by {SURGE} lengths at its first sloshing period, water "
-        f"{ACROSS} spacings deep: amplitude of the centre of mass against linear theory in each "
-        f"period; {STARTS}",
-        lambda: [surge(layers) for layers in (1, 2)],
-    ),
-    "fall": (
-        "Free fall after 1 s of rest: mean pressure over rho g H, and speed of the water; "
-        f"{STARTS}",
-        lambda: [layered(free_fall, layers, FALL) for layers in (1, 2)],
-    ),
-    "rotation": (
-        f"Tank of {EDGE} m rotating about the vertical, surface {RISE} m higher at the walls: "
-        "errors of the rise, of the pressure over rho g H, and remaining speed; "
-        f"{STARTS}",
-        lambda: [layered(rotating, 2, ROTATION)],
-    ),
-    "waves": (
-        f"Wave makers, water {ACROSS} spacings deep: height over stroke at two depths from the "
-        f"maker; {STARTS}",
-        lambda: [wave_row(kind, kd) for kind in ("piston", "flap") for kd in HEIGHTS],
-    ),
-    "roll": (
-        f"SPHERIC test 10: tank of {ROLLED} m rolled by {ANGLE:g} degrees, water {FILL} m deep, "
-        f"{ACROSS} spacings, one start; peak of each of {ROUNDS} periods, mean over 1 cm x 1 cm at "
-        f"the water level and {1e3 * WINDOW:g} ms: median and range",
-        lambda: [rolled()],
-    ),
+BENCHES = {
+    "moving": Bench(
+        "Moving tanks and wave makers",
+        "",
+        {
+            "surge": Table(
+                f"Tank of {LENGTH} m surged by {SURGE} lengths at its first sloshing period, water "
+                f"{ACROSS} spacings deep: amplitude of the centre of mass against linear theory in "
+                f"each period; {STARTS}",
+                ("layers",),
+                {(str(layers),): partial(surge, layers) for layers in WATERS},
+                {**{f"period {n}": "+.1%" for n in (1, 2, 3)}, "energy gain": ".0e"},
+            ),
+            "fall": Table(
+                "Free fall after 1 s of rest: mean pressure over rho g H, and speed of the water; "
+                f"{STARTS}",
+                ("layers",),
+                {(str(layers),): partial(free_fall, layers) for layers in WATERS},
+                {
+                    "pressure at rest": ".3f",
+                    "pressure in fall": ".5f",
+                    "speed at rest [m/s]": ".4f",
+                    "speed in fall [m/s]": ".4f",
+                    "energy gain": ".0e",
+                },
+            ),
+            "rotation": Table(
+                f"Tank of {EDGE} m rotating about the vertical, surface {RISE} m higher at the "
+                "walls: errors of the rise, of the pressure over rho g H, and remaining speed; "
+                f"{STARTS}",
+                ("layers",),
+                {("2",): partial(rotating, 2)},
+                {
+                    "rise of the surface": "+.1%",
+                    "pressure": ".1%",
+                    "speed [m/s]": ".3f",
+                    "energy gain": ".0e",
+                },
+            ),
+            "waves": Table(
+                f"Wave makers, water {ACROSS} spacings deep: height over stroke at two depths from "
+                f"the maker; {STARTS}",
+                ("maker", "kd", "theory"),
+                {
+                    (kind, f"{kd:g}", f"{height_over_stroke(kind, kd):.3f}"): partial(
+                        waves, kind, kd
+                    )
+                    for kind in ("piston", "flap")
+                    for kd in HEIGHTS
+                },
+                {
+                    "height over stroke": ".3f",
+                    "error": "+.1%",
+                    "first gauge alone": "+.1%",
+                    "reflected": ".1%",
+                    "leaked": ".0f",
+                },
+            ),
+            "roll": Table(
+                f"SPHERIC test 10: tank of {ROLLED} m rolled by {ANGLE:g} degrees, water {FILL} m "
+                f"deep, {ACROSS} spacings, one start; peak of each of {ROUNDS} periods, mean over "
+                f"1 cm x 1 cm at the water level and {1e3 * WINDOW:g} ms: median and range",
+                (),
+                {(): rolled},
+                {"energy gain": ".0e", "leaked": ".0f"},
+                starts=1,
+            ),
+        },
+    )
 }
-
-
-def stored(path: Path) -> dict[str, str]:
-    """Returns the tables of a report by title."""
-    parts = path.read_text().split("## ")[1:] if path.exists() else []
-    return {title: table.strip() for title, _, table in (part.partition("\n") for part in parts)}
-
-
-@click.command()
-@click.option("--only", multiple=True, type=click.Choice(list(TABLES)), help="Keeps other tables.")
-@click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
-def main(only: tuple[str, ...], arch: str) -> None:
-    """Measure moving tanks and wave makers, and write bench/results/moving.md."""
-    head, path = heading("Moving tanks and wave makers", start(arch)), RESULTS / "moving.md"
-    for name in only or TABLES:
-        title, measure = TABLES[name]
-        table = tabulate(measure(), "keys", "github", disable_numparse=True)
-        tables = stored(path) | {title: table}
-        known = [(t, tables[t]) for t, _ in TABLES.values() if t in tables]
-        path.write_text("\n".join([head, *(f"## {t}\n\n{table}\n" for t, table in known)]))
-    click.echo(path.read_text())
-
-
-if __name__ == "__main__":
-    main()

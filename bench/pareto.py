@@ -1,15 +1,14 @@
 """Speed against error: runs every case with each method, kind of water, spacing and setting.
 
 python bench/pareto.py [--quick] [--case NAME] [--only water=uniform] [--resume] [--busy]
-                       [--cluster ADDRESS] [--arch cpu] [--threads 1]
+                       [--arch cpu] [--threads 1]
 
 Every row is a run in a separate process, one at a time, and is written to bench/results/pareto.csv
 when it ends; all settings run with the first start before the next, so that an interrupted sweep
 has the medians of fewer starts. --resume continues there, and repeats runs that other busy
 processes disturbed, unless --busy keeps them. With --threads 1 other programs may use the other
-cores. DFSPH needs pip install '.[peers]'. Runs whose time does not matter, the references of
-self-convergence, can run on an existing Dask cluster (pip install '.[cluster]', with this checkout
-on the workers). bench/results/pareto.md and pareto*.png are generated from the CSV file.
+cores. DFSPH needs pip install '.[peers]'. bench/results/pareto.md and pareto*.png are generated
+from the CSV file.
 """
 
 import dataclasses
@@ -71,35 +70,19 @@ def requested(names: tuple[str, ...], quick: bool, only: dict[str, str]) -> list
     return sorted((t for t in every if wanted(t[1])), key=lambda task: task[1].start)
 
 
-def sweep(
-    tasks: list, known: list[dict], arch: str, threads: int, cluster: str, busy: bool
-) -> None:
+def sweep(tasks: list, known: list[dict], arch: str, threads: int, busy: bool) -> None:
     """Measures every row that is unknown or was disturbed, and writes the table after each."""
     done = {key(row) for row in known if busy or not disturbed(row)}
     todo = [(n, s) for n, s in tasks if key({"case": n, **dataclasses.asdict(s)}) not in done]
-    elsewhere = [(n, s) for n, s in todo if not s.timed] if cluster else []
-    pending = submit(cluster, elsewhere, arch, threads) if elsewhere else []
-    for name, setting in tqdm([t for t in todo if t not in elsewhere], unit="run"):
+    for name, setting in tqdm(todo, unit="run"):
         found = in_process(name, dataclasses.asdict(setting), arch, threads)
         keep(row_of(name, setting, arch, threads, found), known)
-    for (name, setting), future in zip(elsewhere, pending, strict=True):
-        keep(row_of(name, setting, arch, threads, future.result()), known)
 
 
 def keep(row: dict, known: list[dict]) -> None:
     """Adds a row to the table, or replaces the row of the same run."""
     known[:] = [other for other in known if key(other) != key(row)] + [row]
     rows.write(RESULTS / TABLE, known)
-
-
-def submit(address: str, tasks: list[tuple[str, Setting]], arch: str, threads: int) -> list:
-    """Submits untimed rows to a cluster; returns their futures."""
-    try:
-        from distributed import Client
-    except ImportError as error:
-        raise click.UsageError("--cluster needs: pip install '.[cluster]'") from error
-    client = Client(address)
-    return [client.submit(in_process, n, dataclasses.asdict(s), arch, threads) for n, s in tasks]
 
 
 @click.command()
@@ -116,12 +99,11 @@ def submit(address: str, tasks: list[tuple[str, Setting]], arch: str, threads: i
 )
 @click.option("--resume", is_flag=True, help="Keep the rows of earlier runs.")
 @click.option("--busy", is_flag=True, help="Keep rows that other processes disturbed, too.")
-@click.option("--cluster", default="", help="Address of a Dask scheduler for untimed runs.")
 @click.option("--draw", is_flag=True, help="Only write the report and figures of the stored rows.")
 @click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
 @click.option("--threads", type=click.IntRange(1), help="CPU threads, by default one per core.")
 @click.option("--worker", hidden=True)
-def main(quick, cases, only, resume, busy, cluster, draw, arch, threads, worker) -> None:
+def main(quick, cases, only, resume, busy, draw, arch, threads, worker) -> None:
     """Run the cases and write bench/results/pareto.{csv,md,png} and a figure for each case."""
     if worker:
         task = json.loads(worker)
@@ -140,7 +122,7 @@ def main(quick, cases, only, resume, busy, cluster, draw, arch, threads, worker)
     RESULTS.mkdir(exist_ok=True)
     if not draw:
         threads = threads or os.cpu_count() or 1
-        sweep(requested(cases, quick, chosen), known, start(arch), threads, cluster, busy)
+        sweep(requested(cases, quick, chosen), known, start(arch), threads, busy)
     report(known, RESULTS)
 
 

@@ -12,8 +12,8 @@ from bench.cases.case import (
     CHANGEABLE,
     DFSPH,
     FIXED,
-    NO_RELIEF,
     UNIFORM,
+    UNSHEARED,
     Case,
     Setting,
 )
@@ -34,7 +34,7 @@ STYLES = {
     (DFSPH, UNIFORM): ("#CC79A7", "X", "SPlisHSPlasH, DFSPH"),
 }
 # Changes of rows without shear relief, in words.
-WITHOUT_RELIEF = Setting(shear_relief=NO_RELIEF).changes
+WITHOUT_RELIEF = Setting(**UNSHEARED).changes
 OTHER = ("#009E73", "P")
 
 

@@ -1,29 +1,23 @@
 """Cost of each optional part of a scene when enabled, and its kernel launches when disabled.
 
 For each part a separate process builds the same tank without the part and with it, and runs both in
-alternating frames. `bench/terms.py` prints the table.
+alternating frames. The table is in bench/terms.py.
 """
 
-import json
 import math
-import os
 import statistics
-import subprocess
-import sys
 import time
 from collections import Counter
 from dataclasses import dataclass, field
-from pathlib import Path
+from functools import partial
 from typing import Any
 
-import click
 import numpy as np
 import taichi as ti
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
+from bench.tables import Table
 from bench.tanks import FRAME
-from msph.device import ARCHES, start
+from bench.water import Ours
 from msph.fluid.external_forces import ExternalForces, Hand
 from msph.launches import watch_launches
 from msph.measure.ledger import Ledger
@@ -174,10 +168,7 @@ class Side:
             self.frame()
         ti.sync()
         self.times.append(time.perf_counter() - begin)
-        layer = self.sim.particles.numpy("layer")
-        mass = np.array([s.mass for s in self.sim.layers.specs])[layer]
-        x = self.sim.particles.numpy("x").astype(float)
-        self.centres.append((mass[:, None] * x).sum(axis=0) / mass.sum())
+        self.centres.append(Ours(self.sim).centre())
 
 
 def full_name(owner: Any, kernel: str) -> str:
@@ -185,8 +176,8 @@ def full_name(owner: Any, kernel: str) -> str:
     return f"{type(owner).__module__}:{type(owner).__name__}.{kernel}"
 
 
-def measured(part: Case) -> dict[str, Any]:
-    """Measures a part; returns the numbers of its table row."""
+def measured(part: Case, seed: int) -> dict[str, Any]:
+    """Measures a part; returns the cells of its table row."""
     # The first build includes costs shared by all parts, such as loading Taichi's library.
     Side({}, "")
     off = Side(part.off, part.always)
@@ -203,16 +194,18 @@ def measured(part: Case) -> dict[str, Any]:
     def own(names: Any) -> list[str]:
         return [name for name in names if part.modules and name.startswith(part.modules)]
 
-    return {
-        "name": part.name,
-        "ms": [statistics.median(side.times) * 1e3 for side in (off, on)],
-        "start": [off.start, on.start],
-        "kernels": [len(own(side.kernels)) for side in (off, on)],
-        "launches": [
-            sum(side.launches[name] for name in own(side.launches)) / FRAMES for side in (off, on)
-        ],
-        "error": error(part, off, on),
+    without, with_ = (statistics.median(side.times) for side in (off, on))
+    found: dict[str, Any] = {
+        "ms per frame, off": 1e3 * without,
+        "on": 1e3 * with_,
+        "share of the frame": 1.0 - without / with_,
+        "additional s at the first start (one run)": on.start - off.start,
     }
+    for name, side in (("off", off), ("on", on)):
+        launches = sum(side.launches[kernel] for kernel in own(side.launches))
+        found[f"own kernels, {name}"] = len(own(side.kernels))
+        found[f"own launches per frame, {name}"] = launches / FRAMES
+    return {**found, "error without it after 0.5 s": error(part, off, on)}
 
 
 def error(part: Case, off: Side, on: Side) -> str:
@@ -224,47 +217,21 @@ def error(part: Case, off: Side, on: Side) -> str:
     return water_error(on.centres, off.centres, DEPTH)
 
 
-def rows(arch: str) -> list[dict[str, str]]:
-    """Returns the rows of all parts, each measured in a separate process without cached kernels."""
-    found = []
-    for part in CASES:
-        command = [sys.executable, __file__, "--worker", part.name, "--arch", arch]
-        environment = {**os.environ, "TI_OFFLINE_CACHE": "0"}
-        done = subprocess.run(command, check=True, capture_output=True, text=True, env=environment)
-        found.append(cells(json.loads(done.stdout.splitlines()[-1])))
-    return found
-
-
-def cells(row: dict[str, Any]) -> dict[str, str]:
-    """Returns the cells of a table row."""
-    (ms_off, ms_on), (start_off, start_on) = row["ms"], row["start"]
-    return {
-        "part": row["name"],
-        "ms per frame, off": f"{ms_off:.1f}",
-        "on": f"{ms_on:.1f}",
-        "share of the frame": f"{100.0 * (1.0 - ms_off / ms_on):.0f} %",
-        "additional s at the first start (one run)": f"{start_on - start_off:.1f}",
-        "own kernels: off, on": "{}, {}".format(*row["kernels"]),
-        "own launches per frame: off, on": "{:.1f}, {:.1f}".format(*row["launches"]),
-        "error without it after 0.5 s": row["error"],
-    }
-
-
-@click.command()
-@click.option(
-    "--worker",
-    "name",
-    required=True,
-    type=click.Choice([p.name for p in CASES]),
-    help="Part to measure.",
+TABLE = Table(
+    f"Parts of a scene, off and on: a tank of 3,072 particles, medians of {FRAMES} alternating "
+    "frames of 1/60 s, image 640x360",
+    ("part",),
+    {(part.name,): partial(measured, part) for part in CASES},
+    {
+        "ms per frame, off": ".1f",
+        "on": ".1f",
+        "share of the frame": ".0%",
+        "additional s at the first start (one run)": ".1f",
+        "own kernels, off": ".0f",
+        "own kernels, on": ".0f",
+        "own launches per frame, off": ".1f",
+        "own launches per frame, on": ".1f",
+    },
+    starts=1,
+    environment={"TI_OFFLINE_CACHE": "0"},  # the start includes compiling
 )
-@click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
-def main(name: str, arch: str) -> None:
-    """Print the row of a part as JSON."""
-    start(arch)
-    (part,) = (p for p in CASES if p.name == name)
-    click.echo(json.dumps(measured(part)))
-
-
-if __name__ == "__main__":
-    main()

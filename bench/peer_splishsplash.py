@@ -17,7 +17,6 @@ Observations of version 2.19:
 import contextlib
 import ctypes
 import importlib
-import importlib.metadata
 import importlib.util
 import json
 import os
@@ -33,7 +32,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench import rows
 from bench.report import RESULTS
-from bench.tanks import GRAVITY
+from bench.water import GRAVITY, Water
 from msph.measure.snapshot import Snapshot
 from msph.scene.build import plan_of
 from msph.scene.schema import Scene
@@ -151,8 +150,8 @@ def _edges(number: int) -> tuple[int, int, int] | None:
     return None
 
 
-class Dfsph:
-    """Water (bench.water.Water) of a scene with one layer and no bodies, simulated by DFSPH.
+class Dfsph(Water):
+    """Water of a scene with one layer and no bodies, simulated by DFSPH.
 
     gap: distance of the walls from the initial particles in spacings, None: gap_of(). viscosity
     [m^2/s]; cfl: Courant factor (-); longest_step [s]; tolerance: mean density error in % of the
@@ -314,26 +313,6 @@ class Dfsph:
             self._done.acquire()
             self.steps += 1
             self.iterations += self.simulation.getTimeStep().getNumIterations()
-
-    def settings(self) -> str:
-        """Returns the settings in words."""
-        sim, model = self.simulation, self.model
-        step = sim.getTimeStep()
-        spacing, number, whole = self.spacing, sim.getValueFloat, step.getValueUInt
-        return (
-            f"SPlisHSPlasH {importlib.metadata.version(MODULE)}, DFSPH, volume maps (Bender et al. "
-            f"2019); cubic spline, support {sim.getSupportRadius() / spacing:.3g} spacings; a "
-            f"particle holds {model.getVolume(0) / spacing**3:.3g} spacings^3; dt <= "
-            f"{number(sim.CFL_MAX_TIMESTEPSIZE):.3g} s and {0.4 * number(sim.CFL_FACTOR):.3g} "
-            "spacings of the fastest particle; mean density error <= "
-            f"{step.getValueFloat(step.MAX_ERROR):.3g} % in {whole(step.MIN_ITERATIONS)} to "
-            f"{whole(step.MAX_ITERATIONS)} iterations, divergence error <= "
-            f"{step.getValueFloat(step.MAX_ERROR_V):.3g} % in at most "
-            f"{whole(step.MAX_ITERATIONS_V)}; viscosity {self.viscosity:g} m^2/s; walls "
-            f"{self.gap:.3g} spacings from the block; threads: "
-            f"{os.environ.get('OMP_NUM_THREADS', os.cpu_count())}, OMP_WAIT_POLICY "
-            f"{os.environ['OMP_WAIT_POLICY']}"
-        )
 
 
 if __name__ == "__main__":

@@ -12,13 +12,15 @@ import importlib.util
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import taichi as ti
 
-from bench.peer_tank import Tank
+from bench.cases import block
+from bench.cases.case import Setting
+from bench.tables import Bench, Table
 from bench.tanks import FRAME, GRAVITY
-from msph.device import start
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.simulation import Simulation
 from msph.scene.build import build_simulation
@@ -34,6 +36,8 @@ CELLS = (1.5, 1.0)
 SMOOTHING_LENGTH, THRESHOLD = 2.0, 0.6
 # Simulated time [s] at which the surface of the collapsing block is computed.
 COLLAPSED = 0.25
+# Timed rounds, and target: speed-up over the fastest other program.
+ROUNDS, TARGET = 20, 5.0
 # Nodes along each edge of the field.
 NODES = 128
 # The field: a ball with waves; radius and wave height over the edge of the field, number of waves.
@@ -63,37 +67,47 @@ def versions() -> str:
     return ", ".join(f"{name} {importlib.metadata.version(name)}" for name in found)
 
 
-def measured(tank: Tank, rounds: int, arch: str) -> dict[str, dict[str, tuple[int, list[float]]]]:
-    """Returns the number of triangles and the times [ms] of all rounds, by surface and method.
-
-    tank: the block whose surface is computed. The methods run in alternating rounds.
-    """
-    start(arch)
-    found = {}
-    sim = collapsed(tank)
-    for cell in CELLS:
-        name = f"{sim.particles.count:,} particles, cells of {cell:g} radii"
-        found[name] = in_turns(from_particles(sim, cell), rounds)
-    found[f"field of {NODES}^3 nodes"] = in_turns(from_field(field()), rounds)
-    return found
+def measured(start: int) -> list[dict[str, Any]]:
+    """Returns a row for each surface and method: number of triangles, and times [ms]."""
+    sim = collapsed(start)
+    surfaces = {
+        f"{sim.particles.count:,} particles, cells of {cell:g} radii": from_particles(sim, cell)
+        for cell in CELLS
+    }
+    surfaces[f"field of {NODES}^3 nodes"] = from_field(field())
+    return [row for name, methods in surfaces.items() for row in in_turns(name, methods)]
 
 
-def in_turns(methods: list[Method], rounds: int) -> dict[str, tuple[int, list[float]]]:
-    """Returns triangles and times [ms] by method; the first round, which compiles, is not timed."""
+def in_turns(surface: str, methods: list[Method]) -> list[dict[str, Any]]:
+    """Returns the rows of a surface; the methods run in alternating rounds, the first of which
+    compiles and is not timed."""
     times: dict[str, list[float]] = {method.name: [] for method in methods}
-    for turn in range(rounds + 1):
+    for turn in range(ROUNDS + 1):
         for method in methods:
             ti.sync()
             begin = time.perf_counter()
             method.work()
             ti.sync()
             times[method.name] += [1e3 * (time.perf_counter() - begin)] if turn else []
-    return {method.name: (method.triangles(), times[method.name]) for method in methods}
+    middle = {name: float(np.median(found)) for name, found in times.items()}
+    fastest = min((t for n, t in middle.items() if not n.startswith("ours")), default=np.nan)
+    return [
+        {
+            "surface": surface,
+            "program": method.name,
+            "triangles": method.triangles(),
+            "ms": middle[method.name],
+            "least ms": min(times[method.name]),
+            "largest ms": max(times[method.name]),
+            "speed-up over the fastest other": fastest / middle[method.name],
+        }
+        for method in methods
+    ]
 
 
-def collapsed(tank: Tank) -> Simulation:
-    """Returns the simulation of the tank with uniform water at COLLAPSED."""
-    sim = build_simulation(tank.scene(1))
+def collapsed(start: int) -> Simulation:
+    """Returns the simulation of a collapsing block of uniform water at COLLAPSED."""
+    sim = build_simulation(block.tank(Setting(resolution=27, start=start)))
     for _ in range(round(COLLAPSED / FRAME)):
         sim.advance(FRAME, ExternalForces(gravity=(0.0, -GRAVITY, 0.0)))
     return sim
@@ -187,3 +201,28 @@ def triangles(mesh: SurfaceMesh) -> Callable[[], int]:
         return int(mesh.counts.to_numpy()[1])
 
     return count
+
+
+BENCHES = {
+    "peers": Bench(
+        "Surfaces by other programs",
+        f"{versions()}; missing: {', '.join(missing()) or 'none'} (pip install '.[peers]').\n",
+        {
+            "surfaces": Table(
+                f"Surfaces; target: {TARGET:g} times as fast as the fastest other program. Ours "
+                "from particles sorted by the simulation; splashsurf without smoothing, smoothing "
+                f"length {SMOOTHING_LENGTH:g} radii",
+                (),
+                {(): measured},
+                {
+                    "triangles": ",.0f",
+                    "ms": ".3g",
+                    "least ms": ".3g",
+                    "largest ms": ".3g",
+                    "speed-up over the fastest other": ".1f",
+                },
+                starts=1,
+            )
+        },
+    )
+}

@@ -1,25 +1,15 @@
-"""Random input: gestures with all tools, tilts, sliders, pauses and resets in every scene.
-
-python bench/random_input.py [--inputs 2000] [--seeds 3] [--quality small] [--arch cpu]
-"""
+"""Random input: gestures with all tools, tilts, sliders, pauses and resets in every scene."""
 
 import math
-import sys
 from collections.abc import Iterator
-from pathlib import Path
+from functools import partial
 from typing import Any
 
-import click
 import numpy as np
-from tabulate import tabulate
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
-from bench.report import RESULTS, heading
-from msph.device import ARCHES, start
+from bench.tables import Bench, Table
 from msph.errors import MsphError
 from msph.measure import account
-from msph.options import AS_GIVEN, QUALITIES
 from msph.scene import load_scene
 from msph.scene.library import shipped_scenes
 from msph.scene.live import live_parameters
@@ -48,6 +38,8 @@ LIMITS = {
     "solver residual": ACCURATE["solver_residual_mean"],
     "99th percentile": ACCURATE["solver_residual_p99"],
 }
+# Scenes, number of gestures in all of them, and quality of scenes that have several.
+SCENES, INPUTS, QUALITY = tuple(shipped_scenes()), 2000, "small"
 # Shares of gestures without a tool; the others use a tool.
 KINDS = {"tilt": 0.1, "set": 0.15, "still": 0.05, "reset": 0.005, "wait": 0.05}
 
@@ -171,8 +163,6 @@ def run_scene(scene: Scene, name: str, number: int, seed: int) -> dict[str, Any]
     except MsphError as error:
         ended = f"frame {row.lead.frames}: {error}"
     found = {
-        "seed": seed,
-        "scene": name,
         "inputs": number,
         "frames": len(recording.frames),
         "simulated [s]": recording.duration,
@@ -196,38 +186,41 @@ def problems(found: dict[str, Any]) -> list[str]:
     ]
 
 
-@click.command()
-@click.option("--inputs", default=2000, show_default=True, help="Gestures per seed in all scenes.")
-@click.option("--seeds", default=3, show_default=True)
-@click.option("--quality", type=click.Choice(QUALITIES), default=AS_GIVEN, show_default=True)
-@click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
-def main(inputs: int, seeds: int, quality: str, arch: str) -> None:
-    """Run all scenes and write bench/results/random_input.md."""
-    arch, rows = start(arch), []
-    names = list(shipped_scenes())
-    for seed in range(1, seeds + 1):
-        for name in names:
-            scene = load_scene(name)
-            if not single_quality_reason(scene):
-                scene = at_quality(scene, quality, name)
-            found = run_scene(scene, name, math.ceil(inputs / len(names)), seed)
-            found["limits"] = ", ".join(problems(found)) or "kept"
-            del found["ended"]
-            click.echo(", ".join(f"{k} {v}" for k, v in found.items()))
-            rows.append(found)
-    report = [
-        heading("Random input", arch),
+def shipped(name: str, seed: int) -> dict[str, Any]:
+    """Returns the figures of a shipped scene."""
+    scene = load_scene(name)
+    if not single_quality_reason(scene):
+        scene = at_quality(scene, QUALITY, name)
+    found = run_scene(scene, name, math.ceil(INPUTS / len(SCENES)), seed + 1)
+    limits = ", ".join(problems(found)) or "kept"
+    del found["ended"]
+    return {"seed": str(seed + 1), **found, "limits": limits}
+
+
+BENCHES = {
+    "random_input": Bench(
+        "Random input",
         f"Gestures with all tools, tilts, sliders, pauses and resets, then {REST:g} s without "
-        f"input; quality {quality}.\nMass change: largest of the run, spilt and added water "
-        "included. Outside: largest number of particles\noutside the box. Density errors: at the "
-        f"end. Limits: {', '.join(f'{k} {v:g}' for k, v in LIMITS.items())}.\n",
-        tabulate(rows, headers="keys", tablefmt="github", floatfmt=".2g"),
-        "",
-    ]
-    (RESULTS / "random_input.md").write_text("\n".join(report))
-    if any(row["limits"] != "kept" for row in rows):
-        sys.exit(1)
-
-
-if __name__ == "__main__":
-    main()
+        f"input; quality {QUALITY}.\nMass change: largest of the run, spilt and added water "
+        "included. Outside: largest number of particles\noutside the box. Solver residuals: at "
+        f"the end. Limits: {', '.join(f'{k} {v:g}' for k, v in LIMITS.items())}.\n",
+        {
+            "scenes": Table(
+                f"{INPUTS:,} gestures per seed in all scenes",
+                ("scene",),
+                {(name,): partial(shipped, name) for name in SCENES},
+                {
+                    "inputs": ".0f",
+                    "frames": ".0f",
+                    "simulated [s]": ".2g",
+                    "added [kg]": ".2g",
+                    "spilt [kg]": ".2g",
+                    "mass change": ".2g",
+                    "outside": ".0f",
+                    "solver residual": ".2g",
+                    "99th percentile": ".2g",
+                },
+            )
+        },
+    )
+}

@@ -2,10 +2,10 @@
 
 import csv
 import json
+import os
 import statistics
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +15,15 @@ STARTS = 3
 MAX_CHARACTERS = 200
 
 
-def in_process(script: str, task: Any, seconds: float) -> dict[str, Any]:
-    """Runs `script --worker TASK`; returns its last line, read as JSON, or {"failure": message} if
-    the run fails or takes longer than `seconds`."""
+def in_process(
+    script: str, task: Any, seconds: float, more: dict[str, str] | None = None
+) -> dict[str, Any]:
+    """Runs `script --worker TASK` with `more` variables of the environment; returns its last line,
+    read as JSON, or {"failure": message} if it fails or takes longer than `seconds`."""
     command = [sys.executable, str(Path(script).resolve()), "--worker", json.dumps(task)]
+    options = {"capture_output": True, "text": True, "env": {**os.environ, **(more or {})}}
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=seconds)
+        done = subprocess.run(command, timeout=seconds, **options)
     except subprocess.TimeoutExpired:
         return {"failure": f"longer than {seconds:g} s"}
     lines = (done.stdout if done.returncode == 0 else done.stderr).strip().splitlines()
@@ -29,11 +32,11 @@ def in_process(script: str, task: Any, seconds: float) -> dict[str, Any]:
 
 
 def read(path: Path) -> list[dict[str, str]]:
-    """Returns the rows of a CSV file, an empty list if there is no file."""
+    """Returns the rows of a CSV file without empty cells; an empty list if there is no file."""
     if not path.exists():
         return []
     with open(path, newline="", encoding="utf-8") as file:
-        return list(csv.DictReader(file))
+        return [{k: v for k, v in row.items() if v} for row in csv.DictReader(file)]
 
 
 def write(path: Path, rows: list[dict]) -> None:
@@ -48,13 +51,7 @@ def write(path: Path, rows: list[dict]) -> None:
 
 
 def spread(values: list[float], form: str) -> str:
-    """Returns the median (least to largest) of the values in a format, such as "{:.1%}"."""
+    """Returns the median (least to largest) of the values in a format, such as ".1%"."""
     numbers = statistics.median(values), min(values), max(values)
-    middle, least, most = (form.format(v).replace("%", " %") for v in numbers)
+    middle, least, most = (format(v, form).replace("%", " %") for v in numbers)
     return middle if least == most else f"{middle} ({least} to {most})"
-
-
-def over_starts(case: Callable[[int], dict[str, float]], forms: dict[str, str]) -> dict[str, str]:
-    """Returns the medians and ranges of the figures that case(seed) gives, by name."""
-    found = [case(seed) for seed in range(STARTS)]
-    return {name: spread([f[name] for f in found], f"{{:{form}}}") for name, form in forms.items()}

@@ -1,56 +1,201 @@
-"""Time and memory over the number of particles, for uniform and for layered water.
+"""Layered against uniform water: pools of growing depth, and a cube of growing number of particles.
 
-python bench/scale.py [--most 1000000] [--frames 3] [--arch cpu]
-
-1 m^3 of water at rest: uniform with 1,000 to 1,000,000 particles, and layered with the same finest
-spacing. Every run is a separate process. Memory: of the fields of particles, neighbour list and
-cells, and the peak memory of the process. If CUDA is available, all runs are repeated on the CPU,
-CUDA and Vulkan; --arch selects other devices.
+Both use the same solver and tolerances, in frames of 1/60 s with as many steps as the time step
+limits require. "layers": pools of 1 m by 1 m, timed at rest, then rocking near resonance until
+waves break. "scale": 1 m^3 of water at rest, with time and memory over the number of particles.
 """
 
-import json
 import math
 import statistics
-import subprocess
-import sys
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
-import click
 import matplotlib
 import numpy as np
 import taichi as ti
-from tabulate import tabulate
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
-from bench import tanks
-from bench.report import RESULTS, heading, load
-from msph.device import ARCHES, start
+from bench import rows, tanks
+from bench.report import RESULTS
+from bench.tables import Bench, Table, markdown
 from msph.fluid.adaptivity.bands import AdaptationParameters, bands
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.projection.solver import Projection
 from msph.fluid.simulation import WORD, Simulation, footprint
+from msph.measure.kernel_density import kernel_density
 from msph.measure.timings import peak_memory
 from msph.scene.schema import Scene
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
-# Edge of the cube of water [m], and numbers of particles along it.
-EDGE, ALONG = 1.0, (10, 15, 22, 32, 46, 68, 100)
 UNIFORM, LAYERED = "uniform", "layered"
+# Pools: the thesis's finest spacing [m], and depth of its smaller pool, filled by 2650 particles of
+# 0.2 kg [m].
+FINE, DEPTH = (0.1 / 1000.0) ** (1.0 / 3.0), 0.465
+# Pools: depth [m], layers, target speed-up, the thesis's speed-up (Gokdogan 2008, table 5.1). In
+# pool_2x a seventh layer saves no time and increases pressure errors by a quarter; in the deep pool
+# six layers need two steps per frame, and seven or nine layers have twice the pressure error.
+POOLS = {
+    "pool": (DEPTH, 5, 4.0, 3.35),
+    "pool_2x": (0.92, 6, 8.0, 5.8),
+    "8 times as deep": (8 * DEPTH, 8, 30.0, None),
+}
+# Pools of single and double depth: width [m], depths over DEPTH, number of layers. The target is at
+# most 10 % more time at double depth. The coarsest spacing fits at least three times into the
+# width.
+DOUBLING, DOUBLING_TARGET = ((1.0, (8, 16), 9), (2.0, (8, 16), 11)), 1.1
+# Rocking: angle [deg], period [s]; the first sloshing mode has a period of 1.13 to 1.2 s.
+ANGLE, PERIOD = 4.0, 1.1
+# Tilt [rad] over time [s] of the phases that are timed, and their simulated time [s].
+TILTS: dict[str, Callable[[float], float]] = {
+    "at rest": lambda t: 0.0,
+    "rocking": lambda t: math.radians(ANGLE) * math.sin(2.0 * math.pi * t / PERIOD),
+}
+PHASES, SECONDS = tuple(TILTS), 2.0
+# Steps between passes of adaptation by kind of layers; fixed layers keep the initial layer of each
+# particle.
+KINDS = {"fixed layers": 10**9, "adaptive layers": AdaptationParameters().every}
+# Band thickness in supports: one or two particles, as in the thesis.
+BAND = 0.5
+# Times before the timed phases [s]: to settle, and to measure errors at rest.
+SETTLE, REST = 2.0, 1.0
+# Frames between measurements of the kernel density error.
+KERNEL_EVERY = 10
+
+# Cube: edge [m], and numbers of particles along it.
+EDGE, ALONG = 1.0, (10, 15, 22, 32, 46, 68, 100)
 # Largest share of the depth (-) above the coarsest layer, which must be a few particles deep.
 ABOVE_COARSEST = 0.8
 # Capacity over the number of particles in the bands (-), as neighbouring bands overlap.
 ROOM = 1.5
-# Smallest number of timed frames with layers, since not every step has a pass of adaptation.
-LAYERED_FRAMES = 8
+# Number of timed frames by kind of water: not every step has a pass of adaptation.
+TIMED_FRAMES = {UNIFORM: 3, LAYERED: 8}
 # Target of the memory per particle [bytes], neighbour list included.
 TARGET_BYTES = 600
 # Smallest number of particles for the fit of slopes; launches dominate the time of smaller runs.
 FIT_FROM = 10_000
+
+
+def timed(
+    sim: Simulation,
+    frames: int,
+    tilt: Callable[[float], float] = TILTS["at rest"],
+    read: Callable[[int], None] = lambda frame: None,
+) -> list[float]:
+    """Runs frames under gravity tilted by tilt(time) [rad], and read(frame) after each; returns
+    their elapsed times [s]."""
+    walls, g = [], tanks.GRAVITY
+    for frame in range(frames):
+        angle = tilt(frame * tanks.FRAME)
+        forces = ExternalForces(gravity=(g * math.sin(angle), -g * math.cos(angle), 0.0))
+        ti.sync()
+        begin = time.perf_counter()
+        sim.advance(tanks.FRAME, forces)
+        ti.sync()
+        walls.append(time.perf_counter() - begin)
+        read(frame)
+    return walls
+
+
+def pool(width: float, depth: float, layers: int, every: int, start: int) -> dict[str, float]:
+    """Returns the figures of a pool at rest and rocking; width, depth [m]; every: steps between
+    passes of adaptation."""
+    extra = {"band": BAND, "every": every} if layers > 1 else {}
+    scene = tanks.tank((width, width), depth, FINE, layers, 0.4, seed=start, **extra)
+    sim = tanks.build(scene)
+    reading = tanks.Reading(sim)
+    tanks.run(sim, SETTLE)
+    profile = tanks.Profile(sim, reading.depth)
+    tanks.run(sim, REST, reading, profile)
+    found = {
+        "pressure error at rest, probes": profile.error(),
+        "particle means": reading.pressure_error(),
+        "energy rise at rest": reading.energy_rise(),
+    }
+    kernel, iterations = [], []
+
+    def read(frame: int) -> None:
+        iterations.append(sim.solver.iterations)
+        reading.read()
+        if frame % KERNEL_EVERY == 0:
+            water = reading.water
+            error = kernel_density(water.positions(), water.spacings(), water.size)
+            kernel.append((error.mean, error.p99))
+
+    for phase in PHASES:
+        steps = sim.steps
+        iterations.clear()
+        walls = timed(sim, round(SECONDS / tanks.FRAME), TILTS[phase], read)
+        found |= {
+            f"ms per frame, {phase}": 1e3 * statistics.median(walls),
+            f"steps per frame, {phase}": (sim.steps - steps) / len(walls),
+            f"iterations per step, {phase}": float(np.mean(iterations)),
+        }
+    mean, p99 = np.mean(kernel, axis=0)
+    return {
+        **found,
+        "particles": sim.particles.count,
+        "solver residual, mean": float(np.mean(reading.error_mean)),
+        "99th percentile": float(np.mean(reading.error_p99)),
+        "kernel density error, mean": float(mean),
+        "99th percentile of it": float(p99),
+        "height of the centre of mass": reading.volume_error(),
+    }
+
+
+def pools() -> dict[tuple[str, str], partial]:
+    """Returns the pools by name and kind of water."""
+    found = {}
+    for name, (depth, layers, _, _) in POOLS.items():
+        found[name, UNIFORM] = partial(pool, 1.0, depth, 1, 0)
+        for kind, every in KINDS.items():
+            found[name, kind] = partial(pool, 1.0, depth, layers, every)
+    for width, depths, layers in DOUBLING:
+        for times in depths:
+            every = KINDS["fixed layers"]
+            found[deep(times, width), "fixed layers"] = partial(
+                pool, width, times * DEPTH, layers, every
+            )
+    return found
+
+
+def deep(times: int, width: float) -> str:
+    """Returns the name of a pool by its depth over DEPTH and its width [m]."""
+    return f"{times} times as deep, {width:g} m wide"
+
+
+def ratios(known: list[dict]) -> list[str]:
+    """Returns the table of speed-ups: medians and ranges of the starts."""
+    times = {
+        (row["case"], row["start"], phase): float(row[f"ms per frame, {phase}"])
+        for row in known
+        for phase in PHASES
+    }
+    starts = dict.fromkeys(row["start"] for row in known)
+
+    def ratio(phase: str, fast: tuple[str, str], slow: tuple[str, str]) -> str:
+        both = [[(" | ".join(case), k, phase) for case in (slow, fast)] for k in starts]
+        found = [times[a] / times[b] for a, b in both if a in times and b in times]
+        return rows.spread(found, ".2f") if found else "-"
+
+    lines = []
+    for phase in PHASES:
+        for name, (_, _, target, thesis) in POOLS.items():
+            gains = [ratio(phase, (name, kind), (name, UNIFORM)) for kind in KINDS]
+            lines.append([f"{name}, {phase}", f">= {target:g}", *gains, f"{thesis or '-'}"])
+        costs = [ratio(phase, ("pool", kind), ("pool_2x", kind)) for kind in KINDS]
+        bound = f"<= {DOUBLING_TARGET}"
+        lines.append([f"cost of doubling pool to pool_2x, {phase}", bound, *costs, "-"])
+        for width, depths, _ in DOUBLING:
+            once, twice = ((deep(times, width), "fixed layers") for times in depths)
+            cost = ratio(phase, once, twice)
+            lines.append([f"cost of doubling {once[0]}, {phase}", bound, cost, "", "-"])
+    heads = ("speed-up of layered over uniform water", "target", "fixed", "adaptive", "thesis")
+    table = markdown([dict(zip(heads, line, strict=True)) for line in lines])
+    return ["## Speed-ups\n", table]
 
 
 def specs_of(finest: float, layers: int) -> list[LayerSpec]:
@@ -67,111 +212,60 @@ def layers_of(along: int) -> int:
     return layers
 
 
-def scene_of(kind: str, along: int) -> Scene:
+def scene_of(kind: str, along: int, seed: int = 0) -> Scene:
     """Returns the scene of uniform water of along^3 particles, or of layers with that finest
     spacing."""
     finest = EDGE / along
     if kind == UNIFORM:
-        return tanks.tank((EDGE, EDGE), EDGE, finest, 1)
+        return tanks.tank((EDGE, EDGE), EDGE, finest, 1, seed=seed)
     specs = specs_of(finest, layers_of(along))
+    ends = bands(specs, AdaptationParameters().band)
     held = sum(
         EDGE**2 * (min(bottom, EDGE) - top) / spec.volume
-        for spec, (top, bottom) in zip(
-            specs, bands(specs, AdaptationParameters().band), strict=True
-        )
+        for spec, (top, bottom) in zip(specs, ends, strict=True)
     )
     capacity = math.ceil(ROOM * held)
-    return tanks.tank((EDGE, EDGE), EDGE, finest, len(specs), capacity=capacity)
+    return tanks.tank((EDGE, EDGE), EDGE, finest, len(specs), seed=seed, capacity=capacity)
 
 
-def run(kind: str, along: int, frames: int, arch: str) -> dict:
-    """Runs a scene; returns its times and memory, see row()."""
-    start(arch)
-    sim = tanks.build(scene_of(kind, along))
-    gravity = ExternalForces(gravity=(0.0, -tanks.GRAVITY, 0.0))
+def run(kind: str, along: int, seed: int) -> dict[str, float]:
+    """Runs a cube of water; returns its times and memory."""
+    sim = tanks.build(scene_of(kind, along, seed))
     sim.warm_up(tanks.FRAME)
-    # The first steps are short.
-    sim.advance(tanks.FRAME, gravity)
-    walls, steps, iterations = [], sim.steps, sim.iterations
-    for _ in range(max(frames, LAYERED_FRAMES) if kind == LAYERED else frames):
-        ti.sync()
-        begin = time.perf_counter()
-        sim.advance(tanks.FRAME, gravity)
-        ti.sync()
-        walls.append(time.perf_counter() - begin)
+    timed(sim, 1)  # the first steps are short
+    steps, iterations = sim.steps, sim.iterations
+    walls = timed(sim, TIMED_FRAMES[kind])
+    frame, steps = statistics.mean(walls), sim.steps - steps
     return {
-        "kind": kind,
-        "arch": arch,
-        "fine": along**3,
         "particles": sim.particles.count,
         "layers": sim.layers.count,
-        "frame": statistics.mean(walls),
-        "low": min(walls),
-        "high": max(walls),
-        "steps": (sim.steps - steps) / len(walls),
-        "iterations": (sim.iterations - iterations) / (sim.steps - steps),
-        "process": peak_memory(),
+        "ms per frame": 1e3 * frame,
+        "least": 1e3 * min(walls),
+        "largest": 1e3 * max(walls),
+        "steps per frame": steps / len(walls),
+        "iterations per step": (sim.iterations - iterations) / steps,
+        "us per particle and frame": 1e6 * frame / sim.particles.count,
+        "us per particle and step": 1e6 * frame * len(walls) / steps / sim.particles.count,
         **memory(sim),
+        "process MiB": peak_memory() / 2**20,
     }
 
 
-def memory(sim: Simulation) -> dict:
+def memory(sim: Simulation) -> dict[str, float]:
     """Returns the bytes per particle of the capacity, by purpose, and the entries of the neighbour
     list per particle, allocated and used."""
     capacity, parameters = sim.particles.capacity, sim.solver.parameters
     words = footprint(sim.size, sim.layers.specs, capacity, parameters)
     neighbours, live = sim.solver.neighbours, sim.particles.count
     begin, end = (f.to_numpy()[:live] for f in (neighbours.start, neighbours.end))
+    size = {purpose: WORD * n / capacity for purpose, n in words.items()}
     return {
-        "bytes": {purpose: WORD * n / capacity for purpose, n in words.items()},
-        "allocated": neighbours.index.shape[0] / capacity,
+        "bytes per particle": sum(size.values()),
+        "attributes": size["particles"],
+        "neighbour list": size["neighbours"],
+        "cells": size["cells"],
+        "entries allocated": neighbours.index.shape[0] / capacity,
         "used": float((end - begin).mean()),
-    }
-
-
-def in_process(kind: str, along: int, frames: int, arch: str) -> dict | None:
-    """Runs run() in a separate process; prints a message and returns None if it fails."""
-    worker = json.dumps((kind, along, frames, arch))
-    command = [sys.executable, __file__, "--worker", worker]
-    done = subprocess.run(command, capture_output=True, text=True)
-    if done.returncode:
-        why = done.stderr.strip().splitlines()[-1:] or [f"exit status {done.returncode}"]
-        click.echo(f"{kind}, {along**3:,}, {arch}: skipped, {why[0]}")
-        return None
-    return json.loads(done.stdout.strip().splitlines()[-1])
-
-
-def starts(arch: str) -> bool:
-    """Returns True if this machine has the device `arch`."""
-    code = f"from msph.device import start; start({arch!r})"
-    root = Path(__file__).resolve().parent.parent
-    return not subprocess.run(
-        [sys.executable, "-c", code], cwd=root, capture_output=True
-    ).returncode
-
-
-def row(found: dict) -> dict[str, str]:
-    """Returns the table row of a run."""
-    step = found["frame"] / found["steps"]
-    parts = found["bytes"]
-    return {
-        "arch": found["arch"],
-        "water": found["kind"],
-        "fine-equivalent": f"{found['fine']:,}",
-        "particles": f"{found['particles']:,}",
-        "layers": f"{found['layers']}",
-        "ms per frame": f"{1e3 * found['frame']:.3g} "
-        f"({1e3 * found['low']:.3g} to {1e3 * found['high']:.3g})",
-        "steps per frame": f"{found['steps']:.1f}",
-        "iterations per step": f"{found['iterations']:.1f}",
-        "us per particle and frame": f"{1e6 * found['frame'] / found['particles']:.2f}",
-        "us per particle and step": f"{1e6 * step / found['particles']:.2f}",
-        "bytes per particle": f"{sum(parts.values()):,.0f}",
-        "attributes": f"{parts['particles']:,.0f}",
-        "neighbour list": f"{parts['neighbours']:,.0f}",
-        "cells": f"{parts['cells']:,.0f}",
-        "entries allocated / used": f"{found['allocated']:.0f} / {found['used']:.0f}",
-        "process MiB": f"{found['process'] / 2**20:,.0f}",
     }
 
 
@@ -183,38 +277,41 @@ def slope(x: list[float], y: list[float]) -> float:
     return float(np.polyfit(*np.log(np.array(points)).T, 1)[0]) if len(points) > 1 else math.nan
 
 
-# Quantities of the figure and the table of slopes: title, and function of a run.
-QUANTITIES = {
-    "ms per frame": lambda f: 1e3 * f["frame"],
-    "us per particle and step": lambda f: 1e6 * f["frame"] / f["steps"] / f["particles"],
-    "bytes per particle": lambda f: sum(f["bytes"].values()),
-    "process MiB": lambda f: f["process"] / 2**20,
-}
+# Quantities of the figure and of the table of slopes.
+QUANTITIES = ("ms per frame", "us per particle and step", "bytes per particle", "process MiB")
 
 
-def series(found: list[dict]) -> dict[str, list[dict]]:
-    """Returns the runs by kind of water and device."""
-    names = dict.fromkeys(f"{f['kind']}, {f['arch']}" for f in found)
-    return {n: [f for f in found if f"{f['kind']}, {f['arch']}" == n] for n in names}
+def series(known: list[dict], quantity: str) -> dict[str, tuple[list[float], list[float]]]:
+    """Returns fine-equivalent numbers of particles and a quantity, by kind of water and device."""
+    found: dict[str, tuple[list[float], list[float]]] = {}
+    for row in known:
+        if quantity in row:
+            kind, fine = row["case"].split(" | ")
+            x, y = found.setdefault(f"{kind}, {row['table']}", ([], []))
+            x.append(float(fine.replace(",", "")))
+            y.append(float(row[quantity]))
+    return found
 
 
-def slopes(found: list[dict]) -> list[dict[str, str]]:
-    """Returns the exponents over the fine-equivalent number of particles, by series and
-    quantity."""
-    rows = []
-    for name, runs in series(found).items():
-        x = [f["fine"] for f in runs]
-        exponents = {q: slope(x, [value(f) for f in runs]) for q, value in QUANTITIES.items()}
-        rows.append({"water": name} | {q: f"{e:.2f}" for q, e in exponents.items()})
-    return rows
+def slopes(known: list[dict]) -> list[str]:
+    """Returns the table of exponents over the fine-equivalent number of particles, and the
+    figure."""
+    lines: dict[str, dict[str, str]] = {}
+    for quantity in QUANTITIES:
+        for name, points in series(known, quantity).items():
+            line = lines.setdefault(name, {"water": name})
+            line[quantity] = f"{slope(*points):.2f}"
+    if lines:
+        draw(known, RESULTS / "scale.png")
+    title = f"## Exponents over the fine-equivalent number, from {FIT_FROM:,} particles\n"
+    return [title, markdown(list(lines.values())), "\n![Cost and memory](scale.png)"]
 
 
-def draw(found: list[dict], path: Path) -> None:
+def draw(known: list[dict], path: Path) -> None:
     """Draws each quantity over the fine-equivalent number of particles, both logarithmic."""
     figure, axes = plt.subplots(2, 2, figsize=(10, 8), layout="constrained")
-    for ax, (quantity, value) in zip(axes.flat, QUANTITIES.items(), strict=True):
-        for name, runs in series(found).items():
-            x, y = [f["fine"] for f in runs], [value(f) for f in runs]
+    for ax, quantity in zip(axes.flat, QUANTITIES, strict=True):
+        for name, (x, y) in series(known, quantity).items():
             ax.loglog(x, y, "o-", label=f"{name}: slope {slope(x, y):.2f}")
         if quantity == "bytes per particle":
             ax.axhline(TARGET_BYTES, color="0.5", linestyle="--", label=f"target {TARGET_BYTES}")
@@ -226,73 +323,77 @@ def draw(found: list[dict], path: Path) -> None:
     plt.close(figure)
 
 
-def text_of(found: list[dict], frames: int, note: str, arches: str) -> str:
-    """Returns the report."""
-    options = {"headers": "keys", "tablefmt": "github", "disable_numparse": True}
-    return "\n".join(
-        [
-            heading("Cost and memory by the number of particles", arches) + note,
-            f"{EDGE:g} m^3 of water at rest; {frames} frames of 1/60 s, at least {LAYERED_FRAMES} "
-            "with layers, without the first frame: mean (minimum to maximum). Fine-equivalent: "
-            "number of particles of the finest layer that would fill the volume. Bytes: of the "
-            "fields of particles, neighbour list and cells, per particle of the capacity; an entry "
-            f"of the list takes {WORD * (1 + Projection.PER_ENTRY)}. Target: {TARGET_BYTES} bytes "
-            "per particle. Process: peak memory on the host.\n",
-            tabulate([row(f) for f in found], **options),
-            f"\nExponents over the fine-equivalent number, from {FIT_FROM:,} particles:\n",
-            tabulate(slopes(found), **options),
-            "\n![Cost and memory](scale.png)\n",
-        ]
-    )
-
-
-@click.command()
-@click.option(
-    "--most",
-    default=ALONG[-1] ** 3,
-    show_default=True,
-    help="Largest fine-equivalent number of particles.",
-)
-@click.option(
-    "--frames",
-    default=3,
-    show_default=True,
-    type=click.IntRange(min=1),
-    help="Number of timed frames.",
-)
-@click.option(
-    "--arch",
-    "arches",
-    multiple=True,
-    type=click.Choice(ARCHES[1:]),
-    help="Device. Repeatable.  [default: cpu, and cuda and vulkan if CUDA is available]",
-)
-@click.option(
-    "--worker", hidden=True, help="Kind of water, size, frames and device as JSON: one run."
-)
-def main(most: int, frames: int, arches: tuple[str, ...], worker: str | None) -> None:
-    """Measure time and memory, and write bench/results/scale.{md,png}."""
-    if worker is not None:
-        click.echo(json.dumps(run(*json.loads(worker))))
-        return
-    note = load()
-    if not arches:
-        accelerated = starts("cuda")
-        arches = ("cpu", "cuda", "vulkan") if accelerated else ("cpu",)
-        if not accelerated:
-            note += "CUDA is not available: CPU only.\n"
-    found: list[dict] = []
-    for along in (n for n in ALONG if n**3 <= most):
-        for arch in arches:
-            for kind in (UNIFORM, LAYERED):
-                result = in_process(kind, along, frames, arch)
-                if result:
-                    found.append(result)
-                    click.echo(" | ".join(row(result).values()))
-                    text = text_of(found, frames, note, ", ".join(arches))
-                    (RESULTS / "scale.md").write_text(text)
-                    draw(found, RESULTS / "scale.png")
-
-
-if __name__ == "__main__":
-    main()
+SCALE_FORMS = {
+    "particles": ",.0f",
+    "layers": ".0f",
+    "ms per frame": ".3g",
+    "least": ".3g",
+    "largest": ".3g",
+    "steps per frame": ".1f",
+    "iterations per step": ".1f",
+    "us per particle and frame": ".2f",
+    "us per particle and step": ".2f",
+    "bytes per particle": ",.0f",
+    "attributes": ",.0f",
+    "neighbour list": ",.0f",
+    "cells": ",.0f",
+    "entries allocated": ".0f",
+    "used": ".0f",
+    "process MiB": ",.0f",
+}
+POOL_FORMS = {
+    "particles": ",.0f",
+    **{f"ms per frame, {phase}": ".1f" for phase in PHASES},
+    **{f"steps per frame, {phase}": ".2f" for phase in PHASES},
+    **{f"iterations per step, {phase}": ".1f" for phase in PHASES},
+    "pressure error at rest, probes": ".2%",
+    "particle means": ".2%",
+    "energy rise at rest": ".3%",
+    "solver residual, mean": ".3%",
+    "99th percentile": ".2%",
+    "kernel density error, mean": ".2%",
+    "99th percentile of it": ".2%",
+    "height of the centre of mass": "+.2%",
+}
+BENCHES = {
+    "layers": Bench(
+        "Layered against uniform water",
+        "Times are medians over frames; all figures are medians over the starts (least to "
+        "largest).\n",
+        {
+            "pools": Table(
+                "Pools of 1 m by 1 m with finest particles of 0.1 kg, at rest and then rocked by "
+                f"{ANGLE:g} degrees with a period of {PERIOD:g} s, near resonance, until waves "
+                f"break, {SECONDS:g} s each",
+                ("pool", "water"),
+                pools(),
+                POOL_FORMS,
+            )
+        },
+        ratios,
+    ),
+    "scale": Bench(
+        "Cost and memory by the number of particles",
+        "Fine-equivalent: number of particles of the finest layer that would fill the volume. "
+        "Bytes: of the fields of particles,\nneighbour list and cells, per particle of the "
+        f"capacity; an entry of the list takes {WORD * (1 + Projection.PER_ENTRY)}. Target: "
+        f"{TARGET_BYTES} bytes per particle.\nProcess: peak memory on the host.\n",
+        {
+            arch: Table(
+                f"{EDGE:g} m^3 of water at rest, {arch}: mean of {TIMED_FRAMES[UNIFORM]} frames, "
+                f"{TIMED_FRAMES[LAYERED]} with layers, after the first frame",
+                ("water", "fine-equivalent"),
+                {
+                    (kind, f"{along**3:,}"): partial(run, kind, along)
+                    for along in ALONG
+                    for kind in (UNIFORM, LAYERED)
+                },
+                SCALE_FORMS,
+                starts=1,
+                arch=arch,
+            )
+            for arch in ("cpu", "cuda", "vulkan")
+        },
+        slopes,
+    ),
+}

@@ -1,39 +1,22 @@
-"""Stability: runs the hard cases and checks their requirements.
+"""Stability: runs the hard cases and checks their requirements."""
 
-python bench/stability.py [--case NAME] [--resume] [--arch cpu]
-
-Every row is a run in a separate process, written to bench/results/stability.csv when it ends;
---resume continues there. bench/results/stability.md is generated from this file.
-"""
-
-import datetime
-import json
 import math
-import sys
-from pathlib import Path
+from functools import partial
 
-import click
 import numpy as np
-from tabulate import tabulate
-from tqdm import tqdm
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
-from bench import rows
 from bench.hard_cases import CASES, Hard
-from bench.report import RESULTS, heading
-from msph.device import ARCHES, start
+from bench.tables import Bench, Table, markdown
+from bench.water import Ours
 from msph.errors import BlowUpError
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.trapped_water import TrappedWaterError
 from msph.measure.bulk import bulk_density
 from msph.measure.ledger import Ledger
-from msph.measure.machine import machine
 from msph.measure.timings import peak_memory
 from msph.scene.build import build_simulation
 from msph.scene.schema import Scene
 
-TABLE, REPORT = "stability.csv", "stability.md"
 # Limits (-): change of mass, energy rise in 1 s, momentum drift, mean solver residual, and bulk
 # density error.
 MASS, RISE, DRIFT, DENSITY, BULK = 1e-6, 1e-3, 1e-5, 0.01, 0.01
@@ -49,13 +32,11 @@ mass and momentum are conserved. The classic method may fail. Figures without a 
 density of a sheet; the energy rise without gravity or in less than 1 s) are not checked."""
 # End of a run without an error.
 FINISHED = "finished"
-# Time limit of a run [s].
-MAX_SECONDS = 2400.0
 
 
-def run(case: Hard, method: str) -> dict[str, float | str]:
+def run(case: Hard, method: str, seed: int = 0) -> dict[str, float | str]:
     """Runs a case; returns the figures of its ledger, and how it ended."""
-    sim = build_simulation(Scene.model_validate(case.data(method)))
+    sim = build_simulation(Scene.model_validate({**case.data(method), "seed": seed}))
     sim.warm_up(1.0 / 60.0)
     ledger = Ledger(sim, density_every=math.inf)
     ledger.record(case.drive(0.0).gravity)
@@ -85,8 +66,8 @@ def figures(sim, ledger: Ledger, ended: str, growth: int) -> dict[str, float | s
     """Returns the figures of a run until now."""
     entries = ledger.entries
     mass = np.array([e.mass for e in entries])
-    spacing = np.array([s.spacing for s in sim.layers.specs])[sim.particles.numpy("layer")]
-    x = sim.particles.numpy("x").astype(float)
+    water = Ours(sim)
+    x, spacing = water.positions(), water.spacings()
     finite = bool(np.isfinite(x).all())
     if finite and ended == FINISHED:
         sim.measure_density()
@@ -138,94 +119,52 @@ def violations(case: Hard, found: dict) -> list[str]:
     return problems
 
 
-def in_process(name: str, method: str, arch: str) -> dict:
-    """Returns a row of the table, measured in a separate process."""
-    found = rows.in_process(__file__, {"case": name, "method": method, "arch": arch}, MAX_SECONDS)
-    where = {"arch": arch, "machine": machine(), "date": datetime.date.today().isoformat()}
-    return {"case": name, "method": method, **where, **found}
+def verdict(known: list[dict]) -> list[str]:
+    """Returns the number of cases that pass, and the requirements that the others violate."""
+    lines, passed = [], {"projection": [], "classic": []}
+    for row in known:
+        name, method = row["case"].split(" | ")
+        problems = violations(CASES[name], row)
+        passed[method].append(not problems)
+        line = {"case": name, "method": method, "requirement": CASES[name].what}
+        lines += [line | {"violations": "; ".join(problems)}] if problems else []
+    good = [f"{sum(found)} of {len(found)} cases" for found in passed.values()]
+    total = f"**The projection method passes {good[0]}, the classic method {good[1]}.**\n"
+    return ["## Failed cases\n", total, markdown(lines)]
 
 
-def report(known: list[dict], arch: str) -> bool:
-    """Writes the report; returns True if the projection method passes all cases."""
-    order = list(CASES)
-    problems = {(row["case"], row["method"]): violations(CASES[row["case"]], row) for row in known}
-    lines = [
+FORMS = {
+    "particles": ",.0f",
+    "steps": ",.0f",
+    "outside": ".0f",
+    "mass": ".0e",
+    "energy_rise": ".3%",
+    "momentum_drift": ".1e",
+    "density_end": ".3%",
+    "density_largest": ".1%",
+    "bulk_end": ".3%",
+    "top_speed": ".2g",
+    "kinetic": ".2g",
+    "growth_mib": ".0f",
+}
+BENCHES = {
+    "stability": Bench(
+        "Hard cases",
+        REQUIREMENTS,
         {
-            "case": row["case"],
-            "method": row["method"],
-            "requirement": CASES[row["case"]].what,
-            "result": "**fails**" if problems[row["case"], row["method"]] else "passes",
-            "violations": "; ".join(problems[row["case"], row["method"]]),
-            "energy rise, %": percent(row.get("energy_rise")),
-            "momentum drift": digits(row.get("momentum_drift")),
-            "solver residual at the end, %": percent(row.get("density_end")),
-            "bulk density error at the end, %": percent(row.get("bulk_end")),
-            "top speed, m/s": digits(row.get("top_speed")),
-        }
-        for row in sorted(known, key=lambda r: (order.index(r["case"]), r["method"] == "classic"))
-    ]
-    held = {
-        method: [not found for (_, m), found in problems.items() if m == method]
-        for method in ("projection", "classic")
-    }
-    total = (
-        f"The projection method passes {sum(held['projection'])} of {len(held['projection'])} cases"
+            "cases": Table(
+                "Figures of each case; density: solver residual; bulk: bulk density error",
+                ("case", "method"),
+                {
+                    (name, method): partial(run, case, method)
+                    for name, case in CASES.items()
+                    for method in ("projection", "classic")
+                    if method == "projection" or case.classic
+                },
+                FORMS,
+                starts=1,
+            )
+        },
+        verdict,
     )
-    total += f", the classic method {sum(held['classic'])} of {len(held['classic'])}"
-    requirements = REQUIREMENTS.replace("\n", " ")
-    text = [heading("Hard cases", arch), requirements, f"\n**{total}.**\n"]
-    text.append(tabulate(lines, headers="keys", tablefmt="github", disable_numparse=True))
-    (RESULTS / REPORT).write_text("\n".join(text) + "\n", encoding="utf-8")
-    click.echo(total)
-    return all(held["projection"])
-
-
-def digits(value: str | float | None) -> str:
-    """Formats a number with two digits; "" if it is unknown."""
-    return f"{float(value):.2g}" if value not in (None, "") else ""
-
-
-def percent(value: str | float | None) -> str:
-    """Formats a ratio in percent; "" if it is unknown."""
-    number = float(value) if value not in (None, "") else math.nan
-    return "" if math.isnan(number) else f"{100.0 * number:.3f}"
-
-
-@click.command()
-@click.option(
-    "--case",
-    "names",
-    multiple=True,
-    type=click.Choice(list(CASES)),
-    help="Run only this case. Repeatable.",
-)
-@click.option("--resume", is_flag=True, help="Keep the rows of earlier runs.")
-@click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
-@click.option("--worker", hidden=True)
-def main(names, resume, arch, worker) -> None:
-    """Run the hard cases and write bench/results/stability.{csv,md}."""
-    if worker:
-        task = json.loads(worker)
-        start(task["arch"])
-        print(json.dumps(run(CASES[task["case"]], task["method"])))
-        return
-    arch = start(arch)
-    requested = [
-        (name, method)
-        for name in names or CASES
-        for method in ("projection", "classic")
-        if method == "projection" or CASES[name].classic
-    ]
-    known = rows.read(RESULTS / TABLE)
-    if not resume:
-        known = [row for row in known if (row["case"], row["method"]) not in requested]
-    done = {(row["case"], row["method"]) for row in known}
-    for name, method in tqdm([a for a in requested if a not in done], unit="run"):
-        known.append(in_process(name, method, arch))
-        rows.write(RESULTS / TABLE, known)
-    if not report(known, arch):
-        sys.exit(1)
-
-
-if __name__ == "__main__":
-    main()
+}

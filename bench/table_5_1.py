@@ -1,26 +1,24 @@
-"""Table 5.1 of the thesis, reproduced: SPH against M-SPH in two pools.
-
-    python bench/table_5_1.py [--seconds 10] [--arch cpu]
+"""Table 5.1 of the thesis, reproduced: SPH against M-SPH in two pools; and speed of system 3.
 
 A frame is 1/60 s of simulated time with all its time steps. The figures of the thesis are from a
 laptop of 2008 with one step per frame of unknown length, so only ratios between the systems can be
 compared, not frames per second.
 """
 
-import csv
+import subprocess
 import sys
+import tempfile
+import time
+from functools import partial
 from pathlib import Path
 
-import click
 import matplotlib
-from tabulate import tabulate
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
-from bench.report import RESULTS, heading
-from msph.device import ARCHES, start
+from bench.report import RESULTS
+from bench.tables import Bench, Table, markdown
+from msph.device import start
 from msph.scene import load_scene
-from msph.stage.benchmark import Result, benchmark
+from msph.stage.benchmark import benchmark
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
@@ -37,52 +35,97 @@ THESIS = {
 METHOD = {1: "SPH, 0.2 kg", 2: "SPH, 0.1 kg", 3: "M-SPH, 0.1/0.2/0.4/0.8 kg"}
 # Largest rms speed of water at rest [m/s].
 STILL = 0.05
+# Simulated time of the systems, and of the runs of system 3 against its targets [s].
+SECONDS, RUN = 10.0, 5.0
+# Names of figures.
+REST, BARE = "rms speed at rest, m/s", "frames/s without rendering"
+# Image size [pixels] of the runs of system 3.
+SIZE = (640, 360)
+
+Systems = dict[tuple[str, int], dict[str, float]]
 
 
-def simulation_fps(result: Result) -> float:
-    """Returns the median frames per second of the simulation without rendering."""
-    return 1e3 / (result.stages_p50_ms["fluid"])
-
-
-def steps_per_second(result: Result) -> float:
-    """Returns the time steps per second without rendering, which the thesis calls frames."""
-    return result.steps_per_frame * simulation_fps(result)
-
-
-def rendered_fps(result: Result) -> float:
-    """Returns the median frames per second with rendering."""
-    return 1e3 / result.frame_p50_ms
-
-
-def row(key: tuple[str, int], results: dict[tuple[str, int], Result]) -> dict[str, str]:
-    """Returns a row of the table: our figures and the thesis's, ratios to system 1, errors."""
-    pool, system = key
-    result, (count, fps, bare) = results[key], THESIS[key]
-    first, thesis_first = results[pool, 1], THESIS[pool, 1]
-    momentum = result.momentum_drift
-    steps = steps_per_second(result) / steps_per_second(first)
+def measured(scene: str, changes: tuple[str, ...], seconds: float) -> dict[str, float]:
+    """Returns the figures of a run of the classic method: medians over its frames."""
+    given = load_scene(scene, ("method=classic", *changes))
+    found = benchmark(given, scene, seconds, size=SIZE)
+    stages = found.stages_p50_ms
     return {
-        "pool": pool,
-        "system": f"{system}: {METHOD[system]}",
-        "particles (thesis)": f"{sum(result.particles)} ({count})",
-        "frames/s (thesis)": f"{rendered_fps(result):.0f} ({fps:g})",
-        "frames/s without rendering (thesis)": f"{simulation_fps(result):.0f} ({bare:g})",
-        "over system 1 (thesis)": f"{rendered_fps(result) / rendered_fps(first):.2f} "
-        f"({fps / thesis_first[1]:.2f})",
-        "without rendering over system 1": f"{simulation_fps(result) / simulation_fps(first):.2f}",
-        "steps/s over system 1 (thesis)": f"{steps:.2f} ({bare / thesis_first[2]:.2f})",
-        "solver residual mean / max %": f"{100 * result.solver_residual_mean:.2f} / "
-        f"{100 * result.solver_residual_max:.0f}",
-        "volume error %": f"{100 * result.volume_error:+.1f}",
-        "kinetic energy at rest J": f"{result.rest_energy:.3f}",
-        "rms speed at rest m/s": f"{result.rest_speed:.3f}"
-        + (" oscillates" if result.rest_speed > STILL else ""),
-        "energy gain %": f"{100 * result.energy_gain:.2f}",
-        "momentum drift %": f"{100 * momentum:.1f}" if momentum > 5e-4 else f"{100 * momentum:.0e}",
+        "particles": sum(found.particles),
+        "frames/s": 1e3 / found.frame_p50_ms,
+        BARE: 1e3 / stages["fluid"],
+        "mean of the run": found.fluid_frames_per_second,
+        "steps/s": found.steps_per_frame * 1e3 / stages["fluid"],
+        "surface and image, ms": stages["surface"] + stages["picture"],
+        "solver residual, mean": found.solver_residual_mean,
+        "largest": found.solver_residual_max,
+        "volume error": found.volume_error,
+        "kinetic energy at rest, J": found.rest_energy,
+        REST: found.rest_speed,
+        "energy gain": found.energy_gain,
+        "momentum drift": found.momentum_drift,
     }
 
 
-def verdicts(results: dict[tuple[str, int], Result]) -> list[str]:
+def system(pool: str, number: int, seed: int) -> dict[str, float]:
+    """Returns the figures of a system at rest."""
+    return measured(pool, (f"variant=system-{number}", "sway.angle=0", f"seed={seed}"), SECONDS)
+
+
+def system_3(angle: tuple[str, ...], seed: int) -> dict[str, float]:
+    """Returns the figures of system 3 in the deep pool."""
+    return measured("pool_2x", ("variant=system-3", f"seed={seed}", *angle), RUN)
+
+
+def first_frame(seed: int) -> dict[str, float]:
+    """Returns the elapsed time [s] of a process that renders one frame, with cached kernels."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "msph", "capture", "pool_2x", "--arch", start()]
+        command += ["--set", "variant=system-3", "--seconds", "0.01", "--size", "640x360"]
+        for _ in range(2):
+            begin = time.perf_counter()
+            path = f"{folder}/{begin}.png"
+            subprocess.run([*command, "-o", path], check=True, capture_output=True)
+        return {"start to first frame, s": time.perf_counter() - begin}
+
+
+def against_thesis(known: list[dict]) -> list[str]:
+    """Returns the ratios between the systems beside the thesis's, and its claims."""
+    results: Systems = {}
+    for row in known:
+        if row["table"] == "systems":
+            pool, name = row["case"].split(" | ")
+            figures = {k: float(row[k]) for k in FORMS if k in row}
+            results[pool, int(name[0])] = figures
+    if set(results) != set(THESIS):
+        return []
+    plot(results, RESULTS / "table_5_1.png")
+    lines = [row_of(key, results) for key in results]
+    text = ["## Ratios to system 1, in brackets the thesis's\n", markdown(lines)]
+    text += ["\n## Claims of the thesis\n", *verdicts(results)]
+    return [*text, "\n![speed and error](table_5_1.png)"]
+
+
+def row_of(key: tuple[str, int], results: Systems) -> dict[str, str]:
+    """Returns the row of a system: our figures and the thesis's, ratios to system 1."""
+    pool, number = key
+    ours, first = results[key], results[pool, 1]
+    theirs, thesis_first = THESIS[key], THESIS[pool, 1]
+    return {
+        "pool": pool,
+        "system": f"{number}: {METHOD[number]}",
+        "particles": f"{ours['particles']:.0f} ({theirs[0]})",
+        "frames/s": f"{ours['frames/s']:.0f} ({theirs[1]:g})",
+        BARE: f"{ours[BARE]:.0f} ({theirs[2]:g})",
+        "over system 1": f"{ours['frames/s'] / first['frames/s']:.2f} "
+        f"({theirs[1] / thesis_first[1]:.2f})",
+        "without rendering over system 1": f"{ours[BARE] / first[BARE]:.2f}",
+        "steps/s over system 1": f"{ours['steps/s'] / first['steps/s']:.2f} "
+        f"({theirs[2] / thesis_first[2]:.2f})",
+    }
+
+
+def verdicts(results: Systems) -> list[str]:
     """Returns the claims of the thesis, each with the figures that decide it."""
     lines = []
 
@@ -91,8 +134,8 @@ def verdicts(results: dict[tuple[str, int], Result]) -> list[str]:
 
     for pool in ("pool", "pool_2x"):
         for other in (1, 2):
-            ours = simulation_fps(results[pool, 3]) / simulation_fps(results[pool, other])
-            step = steps_per_second(results[pool, 3]) / steps_per_second(results[pool, other])
+            ours = results[pool, 3][BARE] / results[pool, other][BARE]
+            step = results[pool, 3]["steps/s"] / results[pool, other]["steps/s"]
             thesis = THESIS[pool, 3][2] / THESIS[pool, other][2]
             claim(
                 f"M-SPH is faster than system {other} in `{pool}`.",
@@ -100,34 +143,34 @@ def verdicts(results: dict[tuple[str, int], Result]) -> list[str]:
                 f"Without rendering {ours:.2f} times, by steps/s {step:.2f} times, in the thesis "
                 f"{thesis:.2f} times.",
             )
-    ours = simulation_fps(results["pool_2x", 3]) / simulation_fps(results["pool", 3])
-    uniform = simulation_fps(results["pool_2x", 1]) / simulation_fps(results["pool", 1])
+    ours = results["pool_2x", 3][BARE] / results["pool", 3][BARE]
+    uniform = results["pool_2x", 1][BARE] / results["pool", 1][BARE]
     claim(
         "additional depth slows M-SPH less than uniform SPH.",
         ours > uniform,
         f"At twice the depth M-SPH has {100 * ours:.0f} % of its speed, system 1 "
         f"{100 * uniform:.0f} % (thesis: {100 * 24.5 / 33.5:.0f} % and {100 * 9 / 22:.0f} %).",
     )
-    speed = results["pool_2x", 2].rest_speed
+    speed = results["pool_2x", 2][REST]
     claim(
         "system 2 does not come to rest in `pool_2x`.",
         speed > STILL,
         f"Its rms speed in the last second is {speed:.3f} m/s; the limit is {STILL} m/s.",
     )
-    calm = max(results[pool, 1].rest_speed for pool in ("pool", "pool_2x"))
-    layered = max(results[pool, 3].rest_speed for pool in ("pool", "pool_2x"))
+    calm = max(results[pool, 1][REST] for pool in ("pool", "pool_2x"))
+    layered = max(results[pool, 3][REST] for pool in ("pool", "pool_2x"))
     claim(
         "M-SPH is as stable as SPH.",
         layered <= max(calm, STILL),
         f"At rest its rms speed is up to {layered:.3f} m/s, that of system 1 {calm:.3f} m/s.",
     )
-    drift = max(results[pool, 3].momentum_drift for pool in ("pool", "pool_2x"))
+    drift = max(results[pool, 3]["momentum drift"] for pool in ("pool", "pool_2x"))
     claim(
         "pair forces between layers cancel (the thesis states that they do not).",
         drift < 1e-3,
         f"Their total impulse is {100 * drift:.0f} % of the largest sum of m |v|.",
     )
-    worst = min(r.volume_error for r in results.values())
+    worst = min(r["volume error"] for r in results.values())
     claim(
         "the water keeps its volume.",
         worst > -0.01,
@@ -137,13 +180,13 @@ def verdicts(results: dict[tuple[str, int], Result]) -> list[str]:
     return lines
 
 
-def plot(results: dict[tuple[str, int], Result], path: Path) -> None:
+def plot(results: Systems, path: Path) -> None:
     """Plots speeds over system 1, ours and the thesis's, and errors."""
     keys = list(results)
     names = [f"{pool}\nsystem {system}" for pool, system in keys]
     figure, (speed, error) = plt.subplots(1, 2, figsize=(12, 4.5))
-    base = {pool: steps_per_second(results[pool, 1]) for pool, _ in keys}
-    ours = [steps_per_second(results[k]) / base[k[0]] for k in keys]
+    base = {pool: results[pool, 1]["steps/s"] for pool, _ in keys}
+    ours = [results[k]["steps/s"] / base[k[0]] for k in keys]
     theirs = [THESIS[k][2] / THESIS[k[0], 1][2] for k in keys]
     x = range(len(keys))
     speed.bar([i - 0.2 for i in x], ours, 0.4, label="here")
@@ -151,13 +194,13 @@ def plot(results: dict[tuple[str, int], Result], path: Path) -> None:
     speed.set_title("steps per second without rendering, over system 1")
     error.bar(
         [i - 0.2 for i in x],
-        [-100 * results[k].volume_error for k in keys],
+        [-100 * results[k]["volume error"] for k in keys],
         0.4,
         label="volume lost, %",
     )
     error.bar(
         [i + 0.2 for i in x],
-        [100 * results[k].solver_residual_mean for k in keys],
+        [100 * results[k]["solver residual, mean"] for k in keys],
         0.4,
         label="mean solver residual, %",
     )
@@ -171,41 +214,62 @@ def plot(results: dict[tuple[str, int], Result], path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
-@click.command()
-@click.option(
-    "--seconds", default=10.0, show_default=True, help="Simulated time of each system [s]."
-)
-@click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
-def main(seconds: float, arch: str) -> None:
-    """Run the systems of table 5.1 and write bench/results/table_5_1.{md,csv,png}."""
-    arch = start(arch)
-    results = {}
-    for pool, system in THESIS:
-        click.echo(f"{pool}, system {system} ...", err=True)
-        scene = load_scene(pool, (f"variant=system-{system}", "method=classic", "sway.angle=0"))
-        results[pool, system] = benchmark(scene, pool, seconds)
-    rows = [row(key, results) for key in results]
-    table = tabulate(rows, headers="keys", tablefmt="github", disable_numparse=True)
-    text = [
-        heading("Table 5.1 of the thesis, reproduced", arch),
-        f"{seconds:g} s of still water each, frames of 1/60 s, medians; rendering includes surface "
-        "and image at 640x360.\nIn brackets the thesis (Gokdogan 2008, table 5.1): a laptop of "
-        "2008, one step per frame, so its ratios\nare comparable with our ratios of steps/s. Our "
-        "finer layers need shorter steps, which lowers the ratios of frames/s.\n",
-        table,
-        "\n## Claims of the thesis\n",
-        *verdicts(results),
-        "\n![speed and error](table_5_1.png)\n",
-    ]
-    RESULTS.mkdir(exist_ok=True)
-    (RESULTS / "table_5_1.md").write_text("\n".join(text))
-    with open(RESULTS / "table_5_1.csv", "w", newline="") as file:
-        writer = csv.DictWriter(file, rows[0])
-        writer.writeheader()
-        writer.writerows(rows)
-    plot(results, RESULTS / "table_5_1.png")
-    click.echo("\n".join(text))
-
-
-if __name__ == "__main__":
-    main()
+FORMS = {
+    "particles": ",.0f",
+    "frames/s": ".0f",
+    BARE: ".1f",
+    "mean of the run": ".1f",
+    "steps/s": ".0f",
+    "surface and image, ms": ".1f",
+    "solver residual, mean": ".2%",
+    "largest": ".0%",
+    "volume error": "+.1%",
+    "kinetic energy at rest, J": ".3f",
+    REST: ".3f",
+    "energy gain": ".2%",
+    "momentum drift": ".1%",
+}
+BENCHES = {
+    "table_5_1": Bench(
+        "Table 5.1 of the thesis, reproduced",
+        "Frames of 1/60 s, medians; rendering includes surface and image at 640x360. The thesis "
+        "(Gokdogan 2008, table 5.1): a laptop\nof 2008, one step per frame, so its ratios are "
+        "comparable with our ratios of steps/s. Our finer layers need shorter\nsteps, which lowers "
+        "the ratios of frames/s.\n",
+        {
+            "systems": Table(
+                f"{SECONDS:g} s of still water each",
+                ("pool", "system"),
+                {(pool, f"{n}: {METHOD[n]}"): partial(system, pool, n) for pool, n in THESIS},
+                FORMS,
+                starts=1,
+            ),
+            # Rocking turns the view, so the backdrop is redrawn in every frame; at rest it is
+            # reused.
+            "system 3": Table(
+                f"Speed of system 3 in the deep pool, {RUN:g} s each",
+                (),
+                {
+                    ("steady",): partial(system_3, ("sway.angle=0",)),
+                    ("rocking",): partial(system_3, ()),
+                },
+                FORMS,
+                {
+                    BARE: ">= 60",
+                    "mean of the run": ">= 60",
+                    "surface and image, ms": "<= 12",
+                },
+                across=True,
+            ),
+            "start": Table(
+                "System 3 from the start of the process to its first frame, with cached kernels",
+                (),
+                {("measured",): first_frame},
+                {"start to first frame, s": ".1f"},
+                {"start to first frame, s": "<= 5"},
+                across=True,
+            ),
+        },
+        against_thesis,
+    )
+}

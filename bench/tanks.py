@@ -1,21 +1,25 @@
 """Tanks of uniform or layered water for benchmarks, and measurements on them."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from bench.water import Water, water_of
+from bench.water import GRAVITY, Water, water_of
+from msph.fluid.external_forces import ExternalForces
+from msph.fluid.moving_box import MovingBox
 from msph.fluid.simulation import Simulation
+from msph.measure.ledger import Ledger
 from msph.scene.build import build_simulation
 from msph.scene.schema import Scene
 
-GRAVITY = 9.81
 # Modes of the series of a duct along each axis: the flow is exact to 1e-5.
 DUCT_MODES = 40
 # Heights of a duct's column of water at the start, and of the duct, in edges.
 DUCT_WATER, DUCT_TOP = (3.0, 6.5), 7.0
 FRAME = 1.0 / 60.0
+Forces = ExternalForces | MovingBox
 # Number of horizontal slices of a depth profile, and positions of the probes in each slice, (x, z)
 # over the footprint.
 SLICES = 12
@@ -109,14 +113,11 @@ class Reading:
         self.water = water_of(self.source)
         self.depth = self._volume() / (self.water.size[0] * self.water.size[2])
 
-    def _masses(self) -> np.ndarray:
-        return 1000.0 * self.water.spacings() ** 3
-
     def read(self) -> None:
         """Adds the current state."""
         # Residuals are read first, because measuring them sorts our particles.
         excess = self.water.residuals()
-        m, x, v = self._masses(), self.water.positions(), self.water.velocities()
+        m, x, v = self.water.masses(), self.water.positions(), self.water.velocities()
         self.times.append(self.water.time)
         self.kinetic.append(0.5 * float((m * (v**2).sum(axis=1)).sum()))
         self.energies.append(self.kinetic[-1] + GRAVITY * float((m * x[:, 1]).sum()))
@@ -175,7 +176,7 @@ class Reading:
         return speed / math.sqrt(GRAVITY * self.depth)
 
     def _volume(self) -> float:
-        return float(self._masses().sum()) / 1000.0
+        return float(self.water.masses().sum()) / 1000.0
 
 
 class Profile:
@@ -214,6 +215,25 @@ def run(source: Water | Simulation, seconds: float, *readings: Reading | Profile
         water.advance(FRAME, GRAVITY)
         for reading in readings:
             reading.read()
+
+
+def recorded(
+    sim: Simulation,
+    seconds: float,
+    forces: Callable[[float], Forces] = lambda time: ExternalForces((0.0, -GRAVITY, 0.0)),
+    read: Callable[[], None] = lambda: None,
+    frame: float = FRAME,
+) -> Ledger:
+    """Advances a simulation under forces(time), and calls read() after each frame; returns the
+    ledger of the run, without density errors."""
+    ledger = Ledger(sim, density_every=math.inf)
+    ledger.record(forces(sim.time).gravity)
+    for _ in range(round(seconds / frame)):
+        given = forces(sim.time)
+        sim.advance(frame, given)
+        ledger.record(given.gravity)
+        read()
+    return ledger
 
 
 def build(scene: Scene) -> Simulation:
@@ -260,5 +280,5 @@ def fitted_wave(times: list[float], values: np.ndarray, guess: float) -> tuple[f
         return mean + np.exp(-rate * t) * (a * np.cos(angle) + b * np.sin(angle))
 
     start = (values.mean(), 0.0, values.min() - values.mean(), 0.1, guess)
-    found, _ = curve_fit(wave, np.array(times), values, p0=start)
+    found, _ = curve_fit(wave, np.array(times), values, p0=start, maxfev=20_000)
     return float(found[3]), float(found[4])

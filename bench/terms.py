@@ -1,26 +1,16 @@
-"""Cost and error of each optional term of the projection method, and of each part of a scene.
+"""Cost and error of each optional term of the projection method, and of each part of a scene."""
 
-python bench/terms.py [--repeats 5] [--arch cpu]
-"""
-
-import csv
 import statistics
-import sys
 import time
-from pathlib import Path
+from functools import partial
 
-import click
 import numpy as np
 import taichi as ti
 from scipy.spatial.transform import Rotation
-from tabulate import tabulate
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench import parts, tanks
-from bench.report import RESULTS, heading
+from bench.tables import Bench, Table
 from bench.water import Ours
-from msph.device import ARCHES, start
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan
@@ -40,20 +30,18 @@ TERMS = {
     "viscosity 1000 Pa s (tar), implicit": {"viscosity": 1000.0},
     "tension": {"tension": WATER_TENSION},
 }
-# Timed tank: spacing [m], width and depth in spacings; steps per round.
-TIMED, ACROSS, LEVELS, STEPS = 0.02, 24, 12, 12
+VISCOUS = {name: terms for name, terms in TERMS.items() if "viscosity" in terms}
+# Timed tank: spacing [m], width and depth in spacings; rounds, and steps of each.
+TIMED, ACROSS, LEVELS, ROUNDS, STEPS = 0.02, 24, 12, 5, 12
 # Box of 1 m for decaying flows: edge and depth in spacings.
 CELLS, DEEP = 16, 6
-# Title of the table of bench/parts.py.
-PARTS_TITLE = (
-    f"Parts of a scene, off and on: a tank of 3,072 particles, medians of {parts.FRAMES} "
-    "alternating frames of 1/60 s, image 640x360"
-)
 # Speed [m/s] of the vortex U (sin pi x cos pi z, 0, -cos pi x sin pi z) in a tank. The formula is
 # for a box with a lid. Under a free surface the pressure rho U^2/4 (cos 2 pi x + cos 2 pi z) causes
 # waves with up to U^2/(2 g D) of the energy at depth D: 0.4 % of the amplitude at 0.25 m/s, 6.4 %
 # at 1 m/s (D = 0.4 m).
 VORTEX_SPEED = 0.25
+# Time in which the vortex decays [s].
+FLOW_SECONDS = 0.15
 # Drops: radius [m], radii in spacings, initial elongation (-), and number of randomly rotated and
 # shifted lattices from which they are cut: periods differ by up to 10 %.
 RADIUS, RESOLUTIONS, STRETCH, LATTICES = 0.005, (5, 7, 9, 12, 15), 0.1, 4
@@ -93,33 +81,34 @@ def set_velocity(sim: Simulation, v: np.ndarray) -> None:
     Ours(sim).set_velocities(v)
 
 
-def cost(repeats: int) -> list[dict[str, str]]:
+def cost(seed: int) -> list[dict[str, str | float]]:
     """Returns the rows of the time per step with each term; the tanks run in alternating rounds."""
     size = (ACROSS * TIMED, 2 * LEVELS * TIMED, ACROSS * TIMED)
     x = lattice((ACROSS, LEVELS, ACROSS), TIMED)
     x[:, 1] *= 1.0 + 0.1 * np.cos(np.pi * x[:, 0] / size[0])
-    dt, times, rows = tanks.FRAME / 2.0, {name: [] for name in TERMS}, []
+    dt, times = tanks.FRAME / 2.0, {name: [] for name in TERMS}
     sims = {name: build(x, TIMED, size, **terms) for name, terms in TERMS.items()}
-    for turn in range(repeats + 1):
+    for turn in range(ROUNDS + 1):
         for name, sim in sims.items():
             found = [
                 milliseconds(lambda s=sim: s.solver.step(dt, ExternalForces()))
                 for _ in range(STEPS)
             ]
             times[name] += found if turn else []  # the first turn compiles
-    none = statistics.median(times["none"])
+    rows = []
     for name, found in times.items():
-        low, high = np.percentile(found, [10, 90])
         solver = sims[name].solver
         viscosity = solver.force(Viscosity)
         rows.append(
             {
                 "term": name,
-                "ms per step": f"{statistics.median(found):.2f} ({low:.2f} to {high:.2f})",
-                "over no term": f"{statistics.median(found) / none:.2f}",
-                "term alone, ms": f"{alone(sims[name], dt):.2f}",
-                "iterations of the term": f"{viscosity.iterations if viscosity else 0}",
-                "iterations of the pressure solve": f"{solver.iterations}",
+                "ms per step": statistics.median(found),
+                "10th percentile": np.percentile(found, 10),
+                "90th percentile": np.percentile(found, 90),
+                "over no term": statistics.median(found) / statistics.median(times["none"]),
+                "term alone, ms": alone(sims[name], dt),
+                "iterations of the term": viscosity.iterations if viscosity else 0,
+                "iterations of the pressure solve": solver.iterations,
             }
         )
     return rows
@@ -176,89 +165,57 @@ def stirred(deep: int, air: int) -> tuple[np.ndarray, tuple[float, float, float]
     return sim.particles.numpy("x").astype(float), size
 
 
-def row(term: str, problem: str, formula: float, found: float, digits: int = 3) -> dict[str, str]:
+def row(term: str, formula: float, found: float) -> dict[str, str | float]:
     """Returns a table row: a measured value against a formula."""
-    return {
-        "term": term,
-        "reference": problem,
-        "formula": f"{formula:.{digits}g}",
-        "measured": f"{found:.{digits}g}",
-        "error": f"{100.0 * (found / formula - 1.0):+.1f} %",
-    }
+    return {"term": term, "formula": formula, "found": found, "error": found / formula - 1.0}
 
 
-def term_alone() -> list[dict[str, str]]:
+def term_alone(seed: int) -> list[dict[str, str | float]]:
     """Returns the rows of the decay of a Taylor-Green vortex by the term alone, with particles at
-    constant positions in a full box of stirred water."""
+    constant positions in a full box of stirred water: rates [1/s]."""
     x, size = stirred(DEEP, 0)
-    d, dt, steps, rows = 1.0 / CELLS, tanks.FRAME / 2.0, 20, []
-    for name, terms in list(TERMS.items())[1:]:
-        if "tension" in terms:
-            continue
+    d, steps, rows = 1.0 / CELLS, 20, []
+    for name, terms in VISCOUS.items():
         sim = build(x, d, size, **terms)
         sim.measure_density()
         sim.particles.fields["pressure_multiplier"].fill(0.0)
         viscosity = sim.solver.force(Viscosity)
         set_velocity(sim, vortex(sim.particles.numpy("x").astype(float)))
-        before, problem = amplitude(sim), "Taylor-Green, term alone, rate 2 nu k^2, 1/s"
-        if viscosity:
-            # Short steps: tar would come to rest within a step.
-            rate = 2.0 * np.pi**2 * terms["viscosity"] / 1000.0
-            step = min(dt, 0.1 / rate)
-            for _ in range(steps):
-                viscosity.apply(step, ExternalForces())
-            rows.append(row(name, problem, rate, -np.log(amplitude(sim) / before) / steps / step))
+        before = amplitude(sim)
+        # Short steps: tar would come to rest within a step.
+        rate = 2.0 * np.pi**2 * terms["viscosity"] / 1000.0
+        step = min(tanks.FRAME / 2.0, 0.1 / rate)
+        for _ in range(steps):
+            viscosity.apply(step, ExternalForces())
+        rows.append(row(name, rate, -np.log(amplitude(sim) / before) / steps / step))
     return rows
 
 
-def in_flow(speed: float = VORTEX_SPEED, seconds: float = 0.15) -> list[dict[str, str]]:
-    """Returns the rows of the decay of a vortex in a tank with a free surface, by the whole method.
+def in_flow(seed: int) -> list[dict[str, str | float]]:
+    """Returns the rows of the decay of a vortex in a tank with a free surface, by the whole method:
+    relative amplitudes.
 
     Without viscosity all decay is error; runs with a term are compared with the run without.
     """
     x, size = stirred(DEEP, 4)
     rows, without = [], 1.0
-    for name, terms in TERMS.items():
-        if "tension" in terms:
-            continue
+    for name, terms in {"none": {}, **VISCOUS}.items():
         sim = build(x, 1.0 / CELLS, size, **terms)
         sim.advance(tanks.FRAME, ExternalForces())
-        v = speed * vortex(sim.particles.numpy("x").astype(float))
+        v = VORTEX_SPEED * vortex(sim.particles.numpy("x").astype(float))
         set_velocity(sim, sim.particles.numpy("v") + v)
         before = amplitude(sim)
-        sim.advance(seconds, ExternalForces())
+        sim.advance(FLOW_SECONDS, ExternalForces())
         left = amplitude(sim) / before
         without = without if terms else left
-        decay = np.exp(-2.0 * np.pi**2 * terms.get("viscosity", 0.0) / 1000.0 * seconds)
-        what = f"relative amplitude of a vortex of {speed:g} m/s after {seconds:g} s"
-        problem = what + (", over no term" if terms else "")
-        rows.append(row(name, problem, decay, left / (without if terms else 1.0)))
+        decay = np.exp(-2.0 * np.pi**2 * terms.get("viscosity", 0.0) / 1000.0 * FLOW_SECONDS)
+        rows.append(row(name, decay, left / (without if terms else 1.0)))
     return rows
 
 
-def drop(resolution: int) -> list[dict[str, str]]:
-    """Returns the rows of a drop elongated by 10 %: period, pressure and shape over the
-    formulas."""
-    found = np.array([swing(resolution, seed) for seed in range(LATTICES)])
-    rows = []
-    for k, problem in enumerate(
-        (
-            "Lamb's period",
-            "Laplace's pressure 2 sigma/R",
-            "shortest axis over R at the end",
-            "longest axis over R at the end",
-        )
-    ):
-        name = f"tension, drop of R = {resolution} spacings"
-        rows.append(row(name, problem, 1.0, float(np.median(found[:, k]))))
-        low, high = 100.0 * (found[:, k].min() - 1.0), 100.0 * (found[:, k].max() - 1.0)
-        rows[-1]["error"] += f" ({low:+.1f} to {high:+.1f} %)"
-    return rows
-
-
-def swing(resolution: int, seed: int) -> tuple[float, float, float, float]:
-    """Returns period and pressure of a drop over Lamb's and Laplace's formulas (-), and its
-    shortest and longest axis over R at the end."""
+def swing(resolution: int, seed: int) -> dict[str, float]:
+    """Returns the figures of a drop elongated by 10 %, over the formulas: period and pressure, and
+    its shortest and longest axis at the end."""
     d = RADIUS / resolution
     x = ball(RADIUS, d, (1.0 + STRETCH, 1.0 - STRETCH / 2.0, 1.0 - STRETCH / 2.0), seed)
     radius = (0.75 / np.pi * len(x) * d**3) ** (1.0 / 3.0)
@@ -277,10 +234,15 @@ def swing(resolution: int, seed: int) -> tuple[float, float, float, float]:
     found = tanks.fitted_period(times, np.array(long), period)
     axes = np.sqrt(5.0 * np.linalg.eigvalsh(np.cov(x.T))) / radius
     laplace = 2.0 * WATER_TENSION / radius
-    return found / period, float(np.mean(inside[44:])) / laplace, axes[0], axes[2]
+    return {
+        "Lamb's period": found / period - 1.0,
+        "Laplace's pressure 2 sigma/R": float(np.mean(inside[44:])) / laplace - 1.0,
+        "shortest axis over R": axes[0] - 1.0,
+        "longest axis over R": axes[2] - 1.0,
+    }
 
 
-def conservation() -> list[dict[str, str]]:
+def conservation(seed: int) -> list[dict[str, str | float]]:
     """Returns the rows of the momentum drift of a rotating, sheared ball of two layers (masses
     1 : 2)."""
     d, middle, rows = 0.02, 0.6, []
@@ -292,67 +254,78 @@ def conservation() -> list[dict[str, str]]:
     for name, terms in TERMS.items():
         terms = {**terms, **({"tension": 2.0} if "tension" in terms else {})}
         sim = build(x, d, (2.0 * middle,) * 3, v, layer, 2, **terms)
-        linear, angular, scale, spin = momenta(sim, middle)
+        linear, angular, scale, spin = Ours(sim).momenta(middle)
         for _ in range(15):
             sim.advance(tanks.FRAME, WEIGHTLESS)
-        after, turned, _, _ = momenta(sim, middle)
+        after, turned, _, _ = Ours(sim).momenta(middle)
         rows.append(
             {
                 "term": name,
-                "momentum over sum m v": f"{np.linalg.norm(after - linear) / scale:.1e}",
-                "angular momentum over sum m r v": f"{np.linalg.norm(turned - angular) / spin:.1e}",
+                "momentum over sum m v": np.linalg.norm(after - linear) / scale,
+                "angular momentum over sum m r v": np.linalg.norm(turned - angular) / spin,
             }
         )
     return rows
 
 
-def momenta(sim: Simulation, middle: float):
-    """Returns momentum, angular momentum, and their scales, the sums of m |v| and m r |v|."""
-    m = np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")][:, None]
-    x, v = (sim.particles.numpy(k).astype(float) for k in "xv")
-    arm, speed = x - middle, np.linalg.norm(v, axis=1)
-    scales = (m[:, 0] * speed).sum(), (m[:, 0] * np.linalg.norm(arm, axis=1) * speed).sum()
-    return (m * v).sum(axis=0), (m * np.cross(arm, v)).sum(axis=0), *scales
-
-
-@click.command()
-@click.option(
-    "--repeats",
-    default=5,
-    show_default=True,
-    type=click.IntRange(min=1),
-    help="Number of timed rounds.",
-)
-@click.option("--arch", type=click.Choice(ARCHES), default="auto", show_default=True)
-def main(repeats: int, arch: str) -> None:
-    """Measure the terms and parts, and write bench/results/terms.{md,csv}."""
-    arch = start(arch)
-    costs = cost(repeats)
-    errors = [*term_alone(), *in_flow(), *(r for n in RESOLUTIONS for r in drop(n))]
-    kept = conservation()
-    sections = (
-        (f"Cost: {ACROSS**2 * LEVELS:,} particles sloshing, steps of 1/120 s", costs),
-        ("Error against formulas", errors),
-        ("Momentum drift of a ball of two layers in 15 frames", kept),
-        (PARTS_TITLE, parts.rows(arch)),
+ERROR = {"formula": ".3g", "found": ".3g", "error": "+.1%"}
+DRIFTS = {"momentum over sum m v": ".1e", "angular momentum over sum m r v": ".1e"}
+BENCHES = {
+    "terms": Bench(
+        "Cost and error of the projection method's optional terms",
+        f"h/d = {ETA:g}.\n",
+        {
+            "cost": Table(
+                f"Cost: {ACROSS**2 * LEVELS:,} particles sloshing, steps of 1/120 s; medians over "
+                f"{ROUNDS} alternating rounds of {STEPS} steps",
+                (),
+                {(): cost},
+                {
+                    "ms per step": ".2f",
+                    "10th percentile": ".2f",
+                    "90th percentile": ".2f",
+                    "over no term": ".2f",
+                    "term alone, ms": ".2f",
+                    "iterations of the term": ".0f",
+                    "iterations of the pressure solve": ".0f",
+                },
+                starts=1,
+            ),
+            "alone": Table(
+                "Taylor-Green vortex, term alone: rate 2 nu k^2, 1/s",
+                (),
+                {(): term_alone},
+                ERROR,
+                starts=1,
+            ),
+            "flow": Table(
+                f"Relative amplitude of a vortex of {VORTEX_SPEED:g} m/s after {FLOW_SECONDS:g} s; "
+                "with a term: over the amplitude with no term",
+                (),
+                {(): in_flow},
+                ERROR,
+                starts=1,
+            ),
+            "drops": Table(
+                f"Drops under tension, {LATTICES} lattices: errors against formulas by radius",
+                ("R in spacings",),
+                {(str(n),): partial(swing, n) for n in RESOLUTIONS},
+                {
+                    "Lamb's period": "+.1%",
+                    "Laplace's pressure 2 sigma/R": "+.1%",
+                    "shortest axis over R": "+.1%",
+                    "longest axis over R": "+.1%",
+                },
+                starts=LATTICES,
+            ),
+            "momentum": Table(
+                "Momentum drift of a ball of two layers in 15 frames",
+                (),
+                {(): conservation},
+                DRIFTS,
+                starts=1,
+            ),
+            "parts": parts.TABLE,
+        },
     )
-    text = [heading("Cost and error of the projection method's optional terms", arch)]
-    text.append(
-        f"h/d = {ETA:g}. Times are medians over {repeats} rounds of {STEPS} steps, with the 10th "
-        "and 90th percentile;\nthe terms run in alternating rounds.\n"
-    )
-    for title, rows in sections:
-        table = tabulate(rows, headers="keys", tablefmt="github", disable_numparse=True)
-        text += [f"## {title}\n", table, ""]
-    RESULTS.mkdir(exist_ok=True)
-    (RESULTS / "terms.md").write_text("\n".join(text))
-    with open(RESULTS / "terms.csv", "w", newline="") as file:
-        rows = [{"section": title, **r} for title, found in sections for r in found]
-        writer = csv.DictWriter(file, list(dict.fromkeys(k for r in rows for k in r)))
-        writer.writeheader()
-        writer.writerows(rows)
-    click.echo("\n".join(text))
-
-
-if __name__ == "__main__":
-    main()
+}

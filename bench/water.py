@@ -9,21 +9,18 @@ from msph.fluid.external_forces import ExternalForces
 from msph.fluid.simulation import Simulation
 from msph.measure.snapshot import Snapshot
 
+GRAVITY = 9.81
+
 
 class Water(Protocol):
     """Particles in a box of `size` [m] at `time` [s]; count: number of particles; steps,
     iterations: totals since the start."""
 
     size: tuple[float, float, float]
-
-    @property
-    def time(self) -> float: ...
-    @property
-    def count(self) -> int: ...
-    @property
-    def steps(self) -> int: ...
-    @property
-    def iterations(self) -> int: ...
+    time: float
+    count: int
+    steps: int
+    iterations: int
 
     def positions(self) -> np.ndarray:
         """Returns the positions of the particles, (n, 3) [m]."""
@@ -49,13 +46,36 @@ class Water(Protocol):
     def advance(self, seconds: float, gravity: float) -> None:
         """Advances by `seconds` [s] under gravity [m/s^2] downwards, until all work is done."""
 
+    def masses(self) -> np.ndarray:
+        """Returns the masses of the particles, (n,) [kg]."""
+        return 1000.0 * self.spacings() ** 3
+
+    def centre(self) -> np.ndarray:
+        """Returns the centre of mass, (3,) [m]."""
+        m = self.masses()
+        return (m[:, None] * self.positions()).sum(axis=0) / m.sum()
+
+    def energy(self, gravity: float = GRAVITY) -> float:
+        """Returns the kinetic plus potential energy [J]."""
+        x, v = self.positions(), self.velocities()
+        return float((self.masses() * (0.5 * (v**2).sum(axis=1) + gravity * x[:, 1])).sum())
+
+    def momenta(self, middle: np.ndarray | float) -> tuple[np.ndarray, np.ndarray, float, float]:
+        """Returns momentum, angular momentum about `middle` [m], and the sums of m |v| and
+        m r |v|."""
+        m, arm, v = self.masses()[:, None], self.positions() - middle, self.velocities()
+        speed = np.linalg.norm(v, axis=1)
+        scale = float((m[:, 0] * speed).sum())
+        spin = float((m[:, 0] * np.linalg.norm(arm, axis=1) * speed).sum())
+        return (m * v).sum(axis=0), (m * np.cross(arm, v)).sum(axis=0), scale, spin
+
 
 def water_of(water: "Water | Simulation") -> "Water":
     """Returns the water of a simulation of this program; any other water is returned as it is."""
     return Ours(water) if isinstance(water, Simulation) else water
 
 
-class Ours:
+class Ours(Water):
     """The water of a simulation of this program."""
 
     def __init__(self, simulation: Simulation):

@@ -2,11 +2,22 @@
 
 import importlib.util
 import math
+import time
 
 import numpy as np
 import pytest
 
-from bench import constants, impact, parts, peer_splishsplash, peer_surfaces, peers, scale
+from bench import (
+    constants,
+    impact,
+    parts,
+    peer_splishsplash,
+    peer_surfaces,
+    rows,
+    run,
+    scale,
+    tables,
+)
 from bench.methods import solve
 
 
@@ -19,13 +30,11 @@ def test_conjugate_gradients_take_fewer_iterations_than_jacobi() -> None:
 
 
 def test_peers_that_are_missing_are_named(monkeypatch) -> None:
-    """Each missing program gives one message, and versions() does not list it."""
+    """A missing program is named, and versions() does not list it."""
     absent = ("pysplishsplash", "mcubes")
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda n: None if n in absent else find(n))
-    lines = peers.skipped_peers()
-    assert lines[0].startswith("pysplishsplash is not installed")
-    assert "PyMCubes is not installed" in lines[-1]
+    assert peer_splishsplash.missing() and "PyMCubes" in peer_surfaces.missing()
     assert "PyMCubes" not in peer_surfaces.versions()
 
 
@@ -50,13 +59,106 @@ def test_gap_of_peer_walls_gives_still_water_its_level(tmp_path, monkeypatch) ->
     assert len(levels) == peer_splishsplash.GAP_ROUNDS
 
 
-def test_tables_of_peers_work_without_peers() -> None:
-    """The tables show our runs, and a dash for runs of a program that is not installed."""
-    ours = peers.Run(10, 12, simulated=1.0, wall=2.0, steps=4, iterations=8, residual=[0.01])
-    runs = {kind: [] for kind in peers.FLUIDS} | {peers.UNIFORM: [ours]}
-    row = peers.speeds(peers.TANKS[0], 1.0, runs)
-    assert row[peers.UNIFORM] == "0.5" and row[peers.THEIRS] == "-"
-    assert [r["fluid"] for r in peers.details(peers.TANKS[0], runs)] == [peers.UNIFORM]
+def test_surfaces_are_compared_with_the_fastest_other_program(monkeypatch) -> None:
+    """Each method has a row with its triangles; without other programs the speed-up is unknown."""
+    monkeypatch.setattr(peer_surfaces, "ROUNDS", 1)
+    slow = peer_surfaces.Method("theirs", lambda: time.sleep(0.05), lambda: 7)
+    ours = peer_surfaces.Method("ours", lambda: time.sleep(0.005), lambda: 8)
+    found = peer_surfaces.in_turns("ball", [ours, slow])
+    assert [row["triangles"] for row in found] == [8, 7]
+    assert found[0]["speed-up over the fastest other"] > 2.0
+    (alone,) = peer_surfaces.in_turns("ball", [ours])
+    assert math.isnan(alone["speed-up over the fastest other"])
+
+
+WIDE = tables.Table("Wide", ("body", "layers"), {("cube", "1"): lambda seed: {}}, {"error": ".1%"})
+ACROSS = tables.Table(
+    "Across",
+    (),
+    {("a",): lambda seed: {}, ("b",): lambda seed: {}},
+    {"speed": ".1f", "error": ".1%"},
+    {"speed": "5"},
+    across=True,
+)
+BENCH = tables.Bench("Title", "Note.", {"wide": WIDE, "across": ACROSS})
+
+
+def rows_of(table, case, *figures):
+    """Returns the rows of a case, one for each start."""
+    own = {"table": table, "case": case, "measured": "here"}
+    return [{**own, "start": str(k), **f} for k, f in enumerate(figures)]
+
+
+def test_tables_show_medians_and_ranges_of_the_starts():
+    """Rows are grouped by first cells, figures are formatted, and what is unknown is a dash."""
+    found = rows_of("wide", "cube | 1", {"error": "0.1"}, {"error": "0.3"}, {"error": "0.2"})
+    last = tables.shown(WIDE, found).splitlines()[-1]
+    assert [cell.strip() for cell in last.split("|")[1:4]] == [
+        "cube",
+        "1",
+        "20.0 % (10.0 % to 30.0 %)",
+    ]
+    found = rows_of("across", "b", {"speed": "2"}) + rows_of("across", "a", {"error": "0"})
+    lines = [
+        [c.strip() for c in line.split("|")] for line in tables.shown(ACROSS, found).split("\n")
+    ]
+    assert lines[0][1:5] == ["figure", "target", "a", "b"]
+    assert lines[2][1:5] == ["speed", "5", "", "2.0"] and lines[3][1:5] == [
+        "error",
+        "",
+        "0.0 %",
+        "",
+    ]
+
+
+def test_reports_keep_sections_that_are_not_measured_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(tables, "RESULTS", tmp_path)
+    tables.report("b", BENCH, rows_of("wide", "cube | 1", {"error": "0.1"}))
+    text = tables.report("b", BENCH, rows_of("across", "a", {"speed": "2"}))
+    assert text.count("## Wide") == text.count("## Across") == 1 and "10.0 %" in text
+    assert text.count("here") == 2 and (tmp_path / "b.md").read_text() == text
+
+
+def test_a_table_replaces_its_old_section_only_if_it_is_whole(tmp_path, monkeypatch):
+    monkeypatch.setattr(tables, "RESULTS", tmp_path)
+    both = [row for k, case in enumerate("ab") for row in rows_of("across", case, {"speed": k})]
+    whole = tables.report("b", BENCH, both)
+    text = tables.report("b", BENCH, rows_of("across", "a", {"speed": 7}))
+    assert "0.0" in text and "7.0" in text and text.count("## Across") == 2
+    assert tables.report("b", BENCH, both) == whole
+
+
+def test_runs_are_resumed_and_failures_repeated(tmp_path, monkeypatch):
+    """Rows of other cases are kept, stored rows are measured again unless --resume is given, and a
+    failed run is a row that --resume repeats."""
+    ran = []
+
+    def fake(script, task, seconds, more):
+        ran.append(task[1:4])
+        return {"failure": "no room"} if task[2] == "b" else {"rows": [{"speed": 1.0}]}
+
+    monkeypatch.setattr(run, "RESULTS", tmp_path)
+    monkeypatch.setattr(run.rows, "in_process", fake)
+    monkeypatch.setattr(tables, "bench_of", lambda name: BENCH)
+    run.measure("b", ("across",), "", 2, False, "cpu", None)
+    assert ran == [("across", c, k) for k in (0, 1) for c in ("a", "b")]
+    known = rows.read(tmp_path / "b.csv")
+    assert len(known) == 4 and [row.get("failure") for row in known[:2]] == [None, "no room"]
+    run.measure("b", (), "", 2, True, "cpu", None)
+    missing = [(t, case, k) for k in (0, 1) for t, case in (("wide", "cube | 1"), ("across", "b"))]
+    assert ran[4:] == missing
+    run.measure("b", ("acr",), "a", 1, False, "cpu", None)
+    assert ran[8:] == [("across", "a", 0)] and len(rows.read(tmp_path / "b.csv")) == 6
+
+
+@pytest.mark.parametrize("name", tables.MODULES)
+def test_every_bench_has_runs_and_formats(name):
+    """Every case is a function of a start, and labels have as many cells as the table has heads."""
+    for key, table in tables.bench_of(name).tables.items():
+        assert tables.tasks(tables.bench_of(name), (key,), "", None), key
+        assert all(len(cells) == len(table.heads) or table.across for cells in table.cases), key
+        assert set(table.targets) <= set(table.forms), key
+        assert not set(tables.META) & set(table.forms), key
 
 
 def test_slopes_and_layers_of_scale() -> None:
@@ -75,11 +177,10 @@ def test_disabled_parts_launch_no_kernels(monkeypatch) -> None:
     monkeypatch.setattr(parts, "FRAMES", 2)
     monkeypatch.setattr(parts, "SPACING", 0.05)
     (tension,) = (part for part in parts.CASES if part.name == "tension")
-    row = parts.measured(tension)
-    assert row["kernels"][0] == row["launches"][0] == 0
-    assert row["kernels"][1] > 0 and row["launches"][1] >= 1.0
-    assert row["error"].endswith("% of the depth")
-    assert parts.cells(row)["own kernels: off, on"].startswith("0, ")
+    row = parts.measured(tension, 0)
+    assert row["own kernels, off"] == row["own launches per frame, off"] == 0
+    assert row["own kernels, on"] > 0 and row["own launches per frame, on"] >= 1.0
+    assert row["error without it after 0.5 s"].endswith("% of the depth")
 
 
 def test_longer_averaging_times_lower_impact_pressures(monkeypatch) -> None:
@@ -90,12 +191,14 @@ def test_longer_averaging_times_lower_impact_pressures(monkeypatch) -> None:
     readings, up to 19.5 kPa.
     """
     monkeypatch.setattr(impact, "SECONDS", 0.6)
-    rows = impact.run(1.26, 0.004)
-    for row in rows:
-        assert row["highest"] >= row["mean 0.01"] >= row["mean 0.05"] > 0.0
-    foot, _, top = (row["mean 0.05"] for row in rows)
-    assert 3.0 * top < foot < 0.5 * 1000.0 * 4.0 * 9.81 * 0.7
-    assert rows[0]["impulse"] > rows[1]["impulse"] > rows[2]["impulse"]
+    found = impact.run(1.26, 0.004, 0)
+    short, long = map(impact.mean_over, impact.WINDOWS)
+    for row in found:
+        assert row["highest reading, kPa"] >= row[short] >= row[long] > 0.0
+    foot, _, top = (row[long] for row in found)
+    assert 3.0 * top < foot < 0.5 * 4.0 * 9.81 * 0.7
+    impulses = [row["impulse, kPa s"] for row in found]
+    assert impulses == sorted(impulses, reverse=True)
 
 
 @pytest.mark.parametrize(("window", "mean"), [(1.0, 4.0), (2.0, 4.0), (2.5, 3.2), (8.0, 1.0)])

@@ -7,7 +7,7 @@ import pytest
 
 from bench import pareto, pareto_figures, pareto_report, pareto_table, rows, tanks
 from bench.cases import CASES, thesis_pool, vortex
-from bench.cases.case import ADAPTIVE, DFSPH, NO_RELIEF, UNIFORM, Setting, begin, tank
+from bench.cases.case import ADAPTIVE, DFSPH, UNIFORM, UNSHEARED, Setting, begin, tank
 from bench.cases.dam_break import reference
 from bench.rows import STARTS
 from bench.terms import VORTEX_SPEED
@@ -33,7 +33,7 @@ def test_still_water_is_measured_after_stirring():
     """
     run, errors = CASES["hydrostatic"].measure(Setting(resolution=8))
     assert errors["pressure"] < 0.005 and errors["height"] < 0.002
-    cell = run.positions() * 8.0 % 1.0
+    cell = run.water.positions() * 8.0 % 1.0
     assert np.abs(cell - 0.5).mean() > 0.1
     assert run.costs()["steps"] >= 60 * run.simulated - 1
 
@@ -45,7 +45,7 @@ def test_pressure_in_layers_is_hydrostatic():
     a pair's stress at either end. The test is without shear relief, with which the error is 0.67 %
     in four layers that are so few particles wide.
     """
-    setting = Setting(water=ADAPTIVE, resolution=12, shear_relief=NO_RELIEF)
+    setting = Setting(water=ADAPTIVE, resolution=12, **UNSHEARED)
     _, errors = CASES["hydrostatic"].measure(setting)
     assert errors["pressure"] < 0.003
 
@@ -65,10 +65,10 @@ def test_the_amplitude_of_a_vortex_is_weighted_by_mass():
     """Coarse particles count as much as fine particles of the same volume."""
     setting = Setting(water=ADAPTIVE, resolution=5)
     run = begin(setting, tank(setting, (1.0, 1.0), vortex.DEPTH, vortex.AIR))
-    x = run.positions()
+    x = run.water.positions()
     fine = (run.simulation.particles.numpy("layer") == 0)[:, None]
     run.water.set_velocities(np.where(fine, 2.0, 1.0) * taylor_green(x))
-    m = run.masses()
+    m = run.water.masses()
     shape = (taylor_green(x) ** 2).sum(axis=1)
     share = (m * shape)[fine[:, 0]].sum() / (m * shape).sum()
     assert vortex.amplitude(run) == pytest.approx(1.0 + share, rel=1e-5)
@@ -215,21 +215,21 @@ def test_a_sweep_resumes_where_it_stopped(tmp_path, monkeypatch):
     monkeypatch.setattr(pareto.peer_splishsplash, "missing", lambda: True)
     tasks = pareto.requested(("sloshing",), True, {})
     assert len(pareto.requested(("sloshing",), False, {"resolution": "7", "start": "2"})) > 3
-    pareto.sweep(tasks, [], "cpu", threads, "", False)
+    pareto.sweep(tasks, [], "cpu", threads, False)
     whole = len(ran)
     assert whole == len(tasks) > 1
     known = rows.read(tmp_path / pareto.TABLE)
     assert len(known) == whole
-    pareto.sweep(tasks, known[:-2], "cpu", threads, "", False)
+    pareto.sweep(tasks, known[:-2], "cpu", threads, False)
     assert len(ran) == whole + 2
     assert ran[-1] == dataclasses.asdict(tasks[-1][1])
     disturbed = [{**known[0], "others": "1.0"}, *known[1:]]
-    pareto.sweep(tasks, disturbed, "cpu", threads, "", False)
+    pareto.sweep(tasks, disturbed, "cpu", threads, False)
     assert len(ran) == whole + 2, "a row is kept if a core was idle"
     disturbed[0]["others"] = "1.5"
-    pareto.sweep(tasks, disturbed, "cpu", threads, "", True)
+    pareto.sweep(tasks, disturbed, "cpu", threads, True)
     assert len(ran) == whole + 2
-    pareto.sweep(tasks, disturbed, "cpu", threads, "", False)
+    pareto.sweep(tasks, disturbed, "cpu", threads, False)
     assert len(ran) == whole + 3 and len(disturbed) == whole
     pareto_report.report(known, tmp_path)
     text = (tmp_path / "pareto.md").read_text()

@@ -1,6 +1,15 @@
 """Cases of the sweep of speed against error (bench/pareto.py), by name."""
 
-from bench.cases import balls, dam_break, hydrostatic, settling, sloshing, thesis_pool, vortex
+from bench.cases import (
+    balls,
+    block,
+    dam_break,
+    hydrostatic,
+    settling,
+    sloshing,
+    thesis_pool,
+    vortex,
+)
 from bench.cases.case import Case
 
 CASES: dict[str, Case] = {
@@ -18,5 +27,6 @@ CASES: dict[str, Case] = {
         balls.FALLING_DROP,
         settling.CASE,
         thesis_pool.CASE,
+        block.CASE,
     )
 }

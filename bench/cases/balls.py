@@ -3,7 +3,7 @@
 import numpy as np
 
 from bench import tanks
-from bench.cases.case import ADAPTIVE, UNIFORM, Case, Run, Setting, begin, scene
+from bench.cases.case import ADAPTIVE, UNIFORM, UNSHEARED, Case, Run, Setting, begin, scene
 
 RADIUS, EDGE = 0.15, 1.2
 # Edge of the box of the collision [m]: no water reaches the walls.
@@ -17,15 +17,6 @@ SPEED, OFFSET, APART, SECONDS = 1.0, 0.04, 0.18, 0.4
 HIGH, AFTER = 0.75, 0.3
 
 
-def momenta(run: Run, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """Returns momentum, angular momentum about `middle`, and the sums of m |v| and m r |v|."""
-    m, arm, v = run.masses()[:, None], run.positions() - middle, run.velocities()
-    speed = np.linalg.norm(v, axis=1)
-    scale = float((m[:, 0] * speed).sum())
-    spin = float((m[:, 0] * np.linalg.norm(arm, axis=1) * speed).sum())
-    return (m * v).sum(axis=0), (m * np.cross(arm, v)).sum(axis=0), scale, spin
-
-
 def collision(setting: Setting) -> tuple[Run, dict[str, float]]:
     """Runs the collision; returns the run and its errors."""
     middle = np.full(3, 0.5 * WIDE)
@@ -37,15 +28,15 @@ def collision(setting: Setting) -> tuple[Run, dict[str, float]]:
         )
     still = {"gravity": [0.0, 0.0, 0.0]}
     run = begin(setting, scene(setting, (WIDE,) * 3, RADIUS / setting.resolution, water, **still))
-    linear, angular, scale, spin = momenta(run, middle)
-    energies, mass = [run.energy(0.0)], run.masses().sum()
-    run.go(SECONDS, lambda: energies.append(run.energy(0.0)), gravity=0.0)
-    after, turned, _, _ = momenta(run, middle)
+    linear, angular, scale, spin = run.water.momenta(middle)
+    energies, mass = [run.water.energy(0.0)], run.water.masses().sum()
+    run.go(SECONDS, lambda: energies.append(run.water.energy(0.0)), gravity=0.0)
+    after, turned, _, _ = run.water.momenta(middle)
     rise = np.maximum.accumulate(np.array(energies)[::-1])[::-1] - energies
     return run, {
         "angular_momentum": float(np.linalg.norm(turned - angular)) / spin,
         "momentum": float(np.linalg.norm(after - linear)) / scale,
-        "mass": float(abs(run.masses().sum() / mass - 1.0)),
+        "mass": float(abs(run.water.masses().sum() / mass - 1.0)),
         "energy_rise": float(rise.max() / energies[0]),
     }
 
@@ -54,23 +45,23 @@ def falling(setting: Setting) -> tuple[Run, dict[str, float]]:
     """Runs the falling ball; returns the run and its errors."""
     water = [{"centre": [0.5 * EDGE, HIGH, 0.5 * EDGE], "radius": RADIUS}]
     run = begin(setting, scene(setting, (EDGE,) * 3, RADIUS / setting.resolution, water))
-    start, first = run.centre(), run.energy()
+    start, first = run.water.centre(), run.water.energy()
     way = HIGH - RADIUS - 2.0 * RADIUS / setting.resolution
     until = float(np.sqrt(2.0 * way / tanks.GRAVITY))
     frames = int(until / tanks.FRAME)
     run.go(frames * tanks.FRAME)
     fall = 0.5 * tanks.GRAVITY * (frames * tanks.FRAME) ** 2
-    off = float(np.linalg.norm(run.centre() - start + [0.0, fall, 0.0]))
-    kept = run.energy() / first - 1.0
-    energies = [run.energy()]
+    off = float(np.linalg.norm(run.water.centre() - start + [0.0, fall, 0.0]))
+    kept = run.water.energy() / first - 1.0
+    energies = [run.water.energy()]
     touch = float(np.sqrt(2.0 * (HIGH - RADIUS) / tanks.GRAVITY))
     burst = touch + RADIUS / (tanks.GRAVITY * touch)
     run.go(
         int(burst / tanks.FRAME) * tanks.FRAME - run.simulated,
-        lambda: energies.append(run.energy()),
+        lambda: energies.append(run.water.energy()),
     )
     lost = 1.0 - energies[-1] / energies[0]
-    run.go(AFTER, lambda: energies.append(run.energy()))
+    run.go(AFTER, lambda: energies.append(run.water.energy()))
     rise = np.maximum.accumulate(np.array(energies)[::-1])[::-1] - energies
     return run, {
         "loss": abs(lost),
@@ -109,5 +100,5 @@ FALLING_DROP = Case(
     falling,
     kinds=(UNIFORM, ADAPTIVE),
     classic=(UNIFORM,),
-    sheared=True,
+    varied=(UNSHEARED,),
 )

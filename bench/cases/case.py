@@ -139,7 +139,7 @@ class Run:
         self.p99.append(float(np.percentile(excess, 99.0)))
         self.largest.append(float(excess.max()))
         if len(self.residual) % KERNEL_EVERY == 1:
-            found = kernel_density(self.positions(), self.water.spacings(), self.water.size)
+            found = kernel_density(self.water.positions(), self.water.spacings(), self.water.size)
             self.kernel.append((found.mean, found.p99))
 
     @property
@@ -147,28 +147,6 @@ class Run:
         """The simulation of a run of this program."""
         assert isinstance(self.water, Ours)
         return self.water.simulation
-
-    def masses(self) -> np.ndarray:
-        """Returns the masses of the particles, (n,) [kg]."""
-        return 1000.0 * self.water.spacings() ** 3
-
-    def positions(self) -> np.ndarray:
-        """Returns the positions of the particles, (n, 3) [m]."""
-        return self.water.positions()
-
-    def velocities(self) -> np.ndarray:
-        """Returns the velocities of the particles, (n, 3) [m/s]."""
-        return self.water.velocities()
-
-    def centre(self) -> np.ndarray:
-        """Returns the centre of mass, (3,) [m]."""
-        m = self.masses()
-        return (m[:, None] * self.positions()).sum(axis=0) / m.sum()
-
-    def energy(self, gravity: float = tanks.GRAVITY) -> float:
-        """Returns the kinetic plus potential energy [J]."""
-        m, x, v = self.masses(), self.positions(), self.velocities()
-        return float((m * (0.5 * (v**2).sum(axis=1) + gravity * x[:, 1])).sum())
 
     def costs(self) -> dict[str, float]:
         """Returns the costs of the run and its density errors (-)."""
@@ -207,8 +185,8 @@ class Case:
     # Resolutions of untimed uniform reference runs, and values compared with the finest of them.
     references: tuple[int, ...] = ()
     values: tuple[str, ...] = ()
-    # Also run without shear relief.
-    sheared: bool = False
+    # Changes of the setting with which every resolution runs, too.
+    varied: tuple[dict[str, float], ...] = ()
     # Errors in the summary figure; without one, the settings of the solver are not varied, and a
     # quick sweep makes a single run.
     summary: tuple[str, ...] = ()
@@ -248,12 +226,8 @@ class Case:
                 Setting(DFSPH, UNIFORM, n, viscosity=nu) for n in resolutions for nu in (None, 0.0)
             ]
             found += [Setting(DFSPH, UNIFORM, middle, **change) for change in PEER_CHANGES]
-        if self.sheared:
-            found += [
-                Setting(water=w, resolution=n, shear_relief=NO_RELIEF)
-                for n in resolutions
-                for w in kinds
-            ]
+        for change in self.varied:
+            found += [Setting(water=w, resolution=n, **change) for n in resolutions for w in kinds]
         return found + [Setting(resolution=n, timed=False) for n in self.references]
 
 
@@ -270,8 +244,8 @@ PEER_CHANGES: tuple[dict[str, float], ...] = (
     {"viscosity": 0.0, "motion_tolerance": 0.01},
     {"viscosity": 0.001, "motion_tolerance": 0.01, "longest_step": 0.0025},
 )
-# Value of shear_relief in runs that keep the numerical friction (docs/method.md, "Shear relief").
-NO_RELIEF = 0.0
+# Change of runs that keep the numerical friction (docs/method.md, "Shear relief").
+UNSHEARED = {"shear_relief": 0.0}
 # Changes, one at a time: support over spacing, motion tolerance, distance per step in spacings.
 CHANGES: tuple[dict[str, float], ...] = (
     {"smoothing": 2.0},

@@ -8,7 +8,7 @@ is also compared without a shift in time, and so is its mean speed between two p
 import numpy as np
 
 from bench import tanks
-from bench.cases.case import Case, Run, Setting, begin, scene
+from bench.cases.case import UNSHEARED, Case, Run, Setting, begin, scene
 from msph.measure.probes import FrontProbe, HeightProbe
 from msph.scene.library import assets
 
@@ -39,16 +39,16 @@ def measure(setting: Setting) -> tuple[Run, dict[str, float]]:
     spacing = A / setting.resolution
     run = begin(setting, scene(setting, SIZE, spacing, body))
     front, height = FrontProbe("", "+x"), HeightProbe("", (0.5 * spacing, 0.5 * WIDTH))
-    times, fronts, heights, energies = [0.0], [A], [2.0 * A], [run.energy()]
-    centres = [run.centre()]
+    times, fronts, heights, energies = [0.0], [A], [2.0 * A], [run.water.energy()]
+    centres = [run.water.centre()]
 
     def read() -> None:
         water = run.water.snapshot()
         times.append(run.water.time)
         fronts.append(front.read(water)[0])
         heights.append(height.read(water)[0])
-        energies.append(run.energy())
-        centres.append(run.centre())
+        energies.append(run.water.energy())
+        centres.append(run.water.centre())
 
     run.go((FRONT_UNTIL + 0.1) * UNIT_T, read, frame=UNIT_T / PER_UNIT)
     t = np.array(times) / UNIT_T
@@ -97,7 +97,7 @@ CASE = Case(
     classic=("uniform",),
     references=(24,),
     values=("front_at_T_2_over_a", "centre_x_at_T_2_over_a", "centre_y_at_T_2_over_a"),
-    sheared=True,
+    varied=(UNSHEARED,),
     summary=("front", "front_speed"),
     note=f"front with a shift in time of T = {GATE:g}",
     peer=("front_speed", "front", "front_without_shift", "height"),

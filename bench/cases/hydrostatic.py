@@ -7,7 +7,7 @@ accurate; in disordered water the errors vary with the start.
 from typing import Any
 
 from bench import tanks
-from bench.cases.case import Case, Run, Setting, begin, stir, tank
+from bench.cases.case import UNSHEARED, Case, Run, Setting, begin, stir, tank
 
 FOOTPRINT, DEPTH, AIR = (0.5, 0.5), 1.0, 0.3
 SETTLE, READ = 1.0, 2.0
@@ -48,7 +48,7 @@ CASE = Case(
     },
     (8, 12, 20, 32, 56),
     measure,
-    sheared=True,
+    varied=(UNSHEARED,),
     summary=("pressure", "motion"),
     peer=("motion", "height"),
 )

@@ -1,7 +1,5 @@
 """Water with random initial displacements comes to rest: height, bulk density, kinetic energy."""
 
-import numpy as np
-
 from bench import tanks
 from bench.cases.case import Case, Run, Setting, begin, tank
 from msph.measure.bulk import bulk_density
@@ -17,9 +15,8 @@ def measure(setting: Setting) -> tuple[Run, dict[str, float]]:
     run = begin(setting, tank(setting, FOOTPRINT, DEPTH, AIR, jitter=JITTER))
     reading = tanks.Reading(run.water)
     run.go(SECONDS, reading.read)
-    sim = run.simulation
-    spacing = np.array([s.spacing for s in sim.layers.specs])[sim.particles.numpy("layer")]
-    bulk = bulk_density(run.positions(), spacing, sim.size).mean
+    water = run.water
+    bulk = bulk_density(water.positions(), water.spacings(), water.size).mean
     whole = 1000.0 * tanks.GRAVITY * DEPTH * DEPTH * FOOTPRINT[0] * FOOTPRINT[1]
     return run, {
         "height": abs(reading.volume_error()),

@@ -10,10 +10,9 @@ import functools
 import math
 
 import numpy as np
-from scipy.optimize import curve_fit
 
 from bench import tanks
-from bench.cases.case import ADAPTIVE, UNIFORM, Case, Run, Setting, begin, tank
+from bench.cases.case import ADAPTIVE, UNIFORM, UNSHEARED, Case, Run, Setting, begin, tank
 
 LENGTH, WIDTH, DEPTH, AIR = 1.0, 0.35, 0.5, 0.3
 # Depth of the deep tank [m]: the motion at the floor is 0.004 times the motion at the surface.
@@ -38,9 +37,9 @@ def swing(
     run = begin(setting, tank(setting, (LENGTH, width), depth, AIR, **more))
     run.go(SETTLE)
     tanks.slosh(run.water, depth, AMPLITUDE)
-    reading, masses, begun = tanks.Reading(run.water), run.masses(), run.water.time
-    speed = float((masses * run.velocities()[:, 0]).sum() / masses.sum())
-    at_rest = run.centre()[0]
+    reading, masses, begun = tanks.Reading(run.water), run.water.masses(), run.water.time
+    speed = float((masses * run.water.velocities()[:, 0]).sum() / masses.sum())
+    at_rest = run.water.centre()[0]
     run.go(READ, reading.read)
     x, times = np.array(reading.centres)[:, 0], np.array(reading.times) - begun
     expected = tanks.slosh_period(LENGTH, depth)
@@ -48,13 +47,8 @@ def swing(
     theory = speed / omega * np.exp(-decay * times) * np.sin(omega * times)
     apart = np.sqrt(np.mean((x - at_rest - theory)[early] ** 2) / np.mean(theory[early] ** 2))
 
-    def wave(t, mean, a, b, rate, period):
-        angle = 2.0 * np.pi * t / period
-        return mean + np.exp(-rate * t) * (a * np.cos(angle) + b * np.sin(angle))
-
-    guess = (x.mean(), 0.0, x.min() - x.mean(), 0.1, expected)
-    (*_, rate, period), _ = curve_fit(wave, times, x, p0=guess, maxfev=20_000)
-    return run, reading, float(period), float(rate), float(apart)
+    rate, period = tanks.fitted_wave(times, x, expected)
+    return run, reading, period, rate, float(apart)
 
 
 def inviscid(
@@ -109,7 +103,7 @@ SLOSHING = Case(
     (5, 7, 10, 15, 25),
     inviscid,
     summary=("wave",),
-    sheared=True,
+    varied=(UNSHEARED,),
     peer=("wave", "damping", "period"),
 )
 DEEP_SLOSHING = Case(
@@ -122,7 +116,7 @@ DEEP_SLOSHING = Case(
     kinds=(UNIFORM, ADAPTIVE),
     classic=(),
     summary=("wave",),
-    sheared=True,
+    varied=(UNSHEARED,),
 )
 STANDING_WAVE = Case(
     "standing_wave",
@@ -139,5 +133,5 @@ STANDING_WAVE = Case(
     viscous,
     kinds=(UNIFORM, ADAPTIVE),
     classic=(),
-    sheared=True,
+    varied=(UNSHEARED,),
 )

@@ -13,7 +13,7 @@ import functools
 
 import numpy as np
 
-from bench.cases.case import ADAPTIVE, UNIFORM, Case, Run, Setting, begin, stir, tank
+from bench.cases.case import ADAPTIVE, UNIFORM, UNSHEARED, Case, Run, Setting, begin, stir, tank
 from bench.terms import VORTEX_SPEED, vortex
 
 WIDTH, DEPTH, AIR = 1.0, 0.4, 0.3
@@ -33,8 +33,8 @@ LEAST_SHARE = 1e-3
 def amplitude(run: Run, length: float = 1.0) -> float:
     """Returns the amplitude U [m/s] of the vortex by least squares, weighted by mass; length [m] of
     the tank."""
-    shape, m = vortex(run.positions(), length), run.masses()[:, None]
-    return float((m * run.velocities() * shape).sum() / (m * shape**2).sum())
+    shape, m = vortex(run.water.positions(), length), run.water.masses()[:, None]
+    return float((m * run.water.velocities() * shape).sum() / (m * shape**2).sum())
 
 
 def share_left(
@@ -53,7 +53,9 @@ def share_left(
     still.simulation.close()
     run = begin_tank(projection={"viscosity": 1000.0 * nu})
     run.simulation.restore(state)
-    run.water.set_velocities(run.velocities() + VORTEX_SPEED * vortex(run.positions(), length))
+    run.water.set_velocities(
+        run.water.velocities() + VORTEX_SPEED * vortex(run.water.positions(), length)
+    )
     begun = amplitude(run, length)
     run.go(seconds)
     return run, amplitude(run, length) / begun
@@ -88,7 +90,7 @@ def case(name: str, title: str, measure) -> Case:
         measure,
         kinds=(UNIFORM, ADAPTIVE),
         classic=(),
-        sheared=True,
+        varied=(UNSHEARED,),
     )
 
 

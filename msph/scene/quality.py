@@ -97,9 +97,9 @@ def with_spacings(scene: Scene, factors: list[float], where: str) -> list[tuple[
 
 @dataclass(frozen=True)
 class Cost:
-    """Measured cost of a run, by `python bench/quality.py`. particles: largest number. slowest (-):
-    elapsed over simulated time in the slowest half second. error (-): of the centre of mass, over
-    the water's height."""
+    """Measured cost of a run, by `python bench/run.py quality`. particles: largest number. slowest
+    (-): elapsed over simulated time in the slowest half second. error (-): of the centre of mass,
+    over the water's height."""
 
     particles: int
     slowest: float
@@ -107,8 +107,8 @@ class Cost:
 
 
 def costs(name: str) -> dict[str, Cost]:
-    """Returns the costs of a shipped scene by quality, from the file that `python bench/quality.py`
-    writes; empty if the scene was not measured."""
+    """Returns the costs of a shipped scene by quality, from the file that
+    `python bench/run.py quality` writes; empty if the scene was not measured."""
     known = json.loads((assets() / "quality.json").read_text(encoding="utf-8"))
     return {
         quality: Cost(int(row["particles"]), row["slowest"], row["error"])
