@@ -88,8 +88,8 @@ class BodyShading:
                 if t < part[1]:
                     nearest, which = t, b
                 t = MISSED
-            last, last_d, last_slope = t, MISSED, -1.0  # t, distance and slope at the last step
-            convex, contains = self.boundary.convex[b] == 1, self.boundary.side[b] < 0.0
+            last, last_d = t, MISSED  # t and distance at the last step
+            contains = self.boundary.side[b] < 0.0
             while t < part[1] and steps < MAX_STEPS:
                 steps += 1
                 found = self.boundary.own_distance(b, q + t * s, LINEAR)
@@ -103,18 +103,7 @@ class BodyShading:
                         d < 0.0, (t - last) * d / (last_d - d), d / ti.max(-slope, MIN_SLOPE)
                     )
                     nearest, which, margin, way = t + back, b, MISSED, MISSED
-                elif convex and slope < 0.0:
-                    # The distance from a convex body is a convex function of t, so that Newton's
-                    # step ends before the first zero.
-                    way = ti.max(way, t - STEP_FRACTION * d / slope)
-                elif convex:
-                    # The ray leaves. The tangents at the last two steps meet at a lower bound of
-                    # the least distance.
-                    turn = (last_d - d + t * slope - last * last_slope) / (slope - last_slope)
-                    bound = ti.max(last_d + last_slope * (turn - last), 0.0)
-                    margin = ti.min(margin, bound / (reach + t))
-                    way = MISSED
-                last, last_d, last_slope, t = t, d, slope, way
+                last, last_d, t = t, d, way
             if t < part[1]:
                 nearest, which = t, b  # all steps were short: the ray is along a side
             close = close or margin < wide

@@ -7,7 +7,7 @@ import taichi as ti
 import trimesh
 from picture_kit import ball, covered, rays, still_water
 
-from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion, Solid, is_convex
+from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion, Solid
 from msph.fluid.particles.layers import LayerSpec
 from msph.picture.body_faces import KEY_BITS, triangles_of
 from msph.picture.body_shading import CLAY, BodyShading
@@ -135,8 +135,7 @@ def slabs(p, r, lo, hi):
     return np.minimum(a, b).max(axis=1), np.maximum(a, b).min(axis=1)
 
 
-def test_rays_meet_a_block_and_a_convex_mesh_as_a_formula_says(rays_of):
-    """Newton's steps along a ray must not pass a convex body, and a ray must not end before it."""
+def test_rays_meet_a_block_and_a_mesh_as_a_formula_says(rays_of):
     lo, hi = np.array((0.3, 0.1, 0.2)), np.array((0.7, 0.5, 0.6))
     box = trimesh.creation.box(bounds=(lo, hi))
     mesh = Solid(np.array(box.vertices), np.array(box.faces))
@@ -148,7 +147,6 @@ def test_rays_meet_a_block_and_a_convex_mesh_as_a_formula_says(rays_of):
     hit = first < last
     assert 100 < hit.sum() < 500
     for body, most in ((Block(lo, hi), 1e-5), (mesh, 3e-3)):
-        assert is_convex(body)
         boundary_of(BOX, [LAYER], [body])
         t, which = rays_of.trace(p, r)
         assert np.array_equal(which[sure] == 0, hit[sure])

@@ -28,9 +28,9 @@ BEGIN, END = 0, 1
 class BodyShapes:
     """Tables of the bodies, and functions of kernels on them; boundary.py fills the tables.
 
-    Tables by body: kind; convex, 1 or 0 (is_convex); side, -1 if the water
-    is inside, else 1; half, the half extents of a block or the radius of a ball [m];
-    bounding_radius [m]; first, index of a mesh's distance lattice, followed by its share lattices;
+    Tables by body: kind; side, -1 if the water is inside, else 1; half, the half extents of a block
+    or the radius of a ball [m]; bounding_radius [m]; first, index of a mesh's distance lattice,
+    followed by its share lattices;
     joined, 1 for bodies that may overlap others; inverse_mass [1/kg], 0 for prescribed motion;
     friction coefficient (-). Tables by body and pose: centre [m]; rotation, body frame to box
     frame; velocity [m/s] and spin [rad/s], equal for both poses; inverse_inertia [1/(kg m^2)] in
@@ -42,7 +42,7 @@ class BodyShapes:
         self.support = layers.wall_support
         self._shapes = DeviceTable(
             (MAX_BODIES,),
-            **{"kind": i32, "convex": i32, "side": f32, "half": vec3},
+            **{"kind": i32, "side": f32, "half": vec3},
             **{"bounding_radius": f32, "first": i32},
             **{"joined": i32, "inverse_mass": f32, "friction": f32},
         )

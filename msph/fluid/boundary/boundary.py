@@ -25,7 +25,6 @@ from msph.fluid.boundary.rigid_bodies import (
     centre,
     extended_into_walls,
     half_extents,
-    is_convex,
 )
 from msph.fluid.boundary.sampled_fields import SampleLattice
 from msph.fluid.boundary.wall_integrals import wall_support
@@ -155,7 +154,6 @@ class Boundary(BodyShapes):
             self.thinnest = min(self.thinnest, depth)
         self._shape_rows: dict[str, Any] = dict(
             kind=[(Block, Ball, Solid).index(type(b)) for b in self.bodies],
-            convex=[is_convex(b) for b in self.bodies],
             side=np.where(self._inward, -1.0, 1.0),
             half=[half_extents(b) for b in self.bodies],
             bounding_radius=[bounding_radius(b) for b in self.bodies],

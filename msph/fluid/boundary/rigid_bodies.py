@@ -128,9 +128,6 @@ AnyMotion = Motion | Scripted | Stroke
 POSES = 16
 AT_REST = Motion()
 TINY = float(np.finfo(float).tiny)
-# Largest volume between a convex mesh and its convex hull, over the hull's volume (-): not 0, since
-# coordinates in files are rounded.
-MAX_HOLLOW = 1e-4
 # Coefficient of friction between bodies, and with walls (-): of wood on wood.
 FRICTION = 0.3
 
@@ -196,14 +193,6 @@ class Solid:
         return self.vertices.min(axis=0), self.vertices.max(axis=0)
 
     @cached_property
-    def convex(self) -> bool:
-        """True if the mesh fills its convex hull, except for MAX_HOLLOW of the hull's volume."""
-        from scipy.spatial import ConvexHull  # only meshes need it
-
-        hull = ConvexHull(self.vertices).volume
-        return bool(self.uniform.volume > (1.0 - MAX_HOLLOW) * hull)
-
-    @cached_property
     def uniform(self) -> Any:
         """Mass properties at density 1: volume, center_mass and inertia about it, by trimesh."""
         from trimesh.triangles import mass_properties  # only meshes need it
@@ -242,11 +231,6 @@ def inertia(body: Body) -> np.ndarray:
         return 0.4 * body.mass * body.radius**2 * np.eye(3)
     squares = (body.hi - body.lo) ** 2
     return body.mass / 12.0 * np.diag(squares.sum() - squares)
-
-
-def is_convex(body: Body) -> bool:
-    """Returns True if the body is convex and the water is outside of it."""
-    return not isinstance(body, Solid) or (not body.container and body.convex)
 
 
 def half_extents(body: Body) -> np.ndarray:
