@@ -52,9 +52,8 @@ class Player(Audience):
         self.menu = Menu(row, choice, layout, self.pacer, arguments)
         self.steering, self.toolbar = Steering(window, row), Toolbar(layout)
         self.saver = Saver(layout, self.clip, Path(choice.scene).stem, choice.quality_now)
-        sim = lead.simulation
-        centre = sim.particles.numpy("x").mean(axis=0)[None]
-        depth = mean_depth(lead.scene.gravity, sim.plan, centre)
+        plan = lead.state.plan
+        depth = mean_depth(lead.scene.gravity, plan, plan.initial["x"].mean(axis=0)[None])
         self.idle = Idle(lead.scene, depth)
         if guide:
             # A lesson gives its own hints, and only the user moves the pool.
@@ -98,7 +97,7 @@ class Player(Audience):
         held = not guide.pauses and steering.apply_keys(step, wall, self.paused)
         dragged = self._drag(controls, step, "LMB" in pressed)
         self.idle.pass_time(wall, bool(pressed or held or dragged or steering.moved.any()))
-        sway = self.idle.roll(row.lead.simulation.time, 0.0 if self._paused else step)
+        sway = self.idle.roll(row.lead.now.time, 0.0 if self._paused else step)
         controls.tilt = (float(steering.tilt[0]) + steering.jolt + sway, float(steering.tilt[1]))
         controls.azimuth = row.lead.display.camera.azimuth
         controls.set = self.menu.take_changes()
@@ -263,14 +262,14 @@ class Player(Audience):
         # Arrows would cover the pages.
         if show is None or self.helping or self.layout.panel:
             return
-        picked, sim = show.display.views.neighbourhood, show.simulation
-        gravity = show.pose.tilt.T @ np.array(show.scene.gravity)
-        place, length = picked.place(), ARROW / 10.0 * max(sim.size)
+        picked, size = show.display.views.neighbourhood, show.scene.box.size
+        gravity = show.now.tilt.T @ np.array(show.scene.gravity)
+        place, length = picked.place(), ARROW / 10.0 * max(size)
         ends = [(place, place + length * a) for a in picked.arrows(gravity).values()]
         if ends:
             flat = np.array(ends).reshape(-1, 3)
-            size = show.display.picture.width, show.display.picture.height
-            places = self.row.to_window(
-                show, show.display.view.project(flat, *size, sim.size, show.pose.tilt)
+            places = show.display.view.project(
+                flat, *show.display.picture.size, size, show.now.tilt
             )
+            places = self.row.to_window(show, places)
             self.window.arrows(places.reshape(-1, 2, 2))

@@ -49,14 +49,12 @@ class Row:
         self.shows, self.labels, self.below = shows, labels or [""] * len(shows), below
         self.updates = 0
         # Initial camera distance of each show [m], at which the whole box is visible.
-        self.homes = [
-            show.display.camera.distance if show.display.picture else 1.0 for show in shows
-        ]
+        self.homes = [show.display.camera.distance if show.size else 1.0 for show in shows]
         self.common: Image | None = None
         if size:
             self._compose(size)
-        elif self.lead.display.picture:
-            self.size = self.lead.display.picture.size
+        elif self.lead.size:
+            self.size = self.lead.size
 
     def _compose(self, size: tuple[int, int]) -> None:
         """Allocates the common image and its labels."""
@@ -84,7 +82,7 @@ class Row:
     @property
     def picture(self) -> Any:
         """The row itself as a picture (image, scale, draw), None without images."""
-        return self if self.lead.display.picture else None
+        return self if self.lead.size else None
 
     def close(self) -> None:
         """Frees the memory of all simulations, which cannot be used afterwards."""
@@ -119,7 +117,7 @@ class Row:
         """Returns the lead's camera, at a distance scaled to the show's box."""
         lead, camera = self.lead.display.camera, copy(self.lead.display.camera)
         scale = home / self.homes[0]
-        camera.home = np.array(show.simulation.size) / 2
+        camera.home = np.array(show.scene.box.size) / 2
         camera.target = camera.home + scale * (lead.target - lead.home)
         camera.distance = scale * lead.distance
         return camera
@@ -186,7 +184,7 @@ class Row:
 
     def draw(self) -> None:
         for show in self.shows:
-            show.display.draw()
+            show.draw()
         self.draw_together()
 
     @property
@@ -213,7 +211,7 @@ def speed_and_error(show: Show) -> list[str]:
     """Returns label lines: number of particles, fluid time per frame, bulk density error."""
     frames = show.timings.frames if show.timings else []
     fluid = [frame["fluid"] for frame in frames if "fluid" in frame]
-    lines = [f"{sum(show.simulation.counts()):,} particles"]
+    lines = [f"{show.state.particles.count:,} particles"]
     if fluid:
         lines[0] += f", {1e3 * float(np.median(fluid)):.1f} ms"
     error = show.bulk_density_error()

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -31,6 +31,7 @@ from msph.stage.controls import Controls, Inputs
 from msph.stage.display import Display
 from msph.stage.pose import Pose
 from msph.stage.tools import BY_NAME, ToolUse, Touch
+from msph.state import Moment, State, state_of
 
 # Key of a checkpoint for the description of a session in a window (autosave.About).
 SESSION = "session"
@@ -81,12 +82,15 @@ class Show:
         self.simulated = 0.0
         # Called after each step with the completed share (0 to 1) of its frame.
         self.on_progress: Callable[[float], None] | None = None
+        self.size, self.meshes = size, meshes
         self.stop_bodies, self.scalable = stop_bodies, scalable and size is not None
         self.free_steps = free_steps
         self.stopped: set[str] = set()
         self.note = ""  # message to the user about the last frame
         # Floating body that the user drags: its index, and its centre relative to the cursor [m].
         self.dragged: tuple[int, np.ndarray] | None = None
+        # Centre [m] and radius [m] of a hand that images show.
+        self.ball: tuple[Vec3, float] | None = None
         # While the user drags an end wall: its place [m] at the press and longest stroke [m]; its
         # requested place in this frame [m].
         self.grip: tuple[float, float] | None = None
@@ -98,7 +102,28 @@ class Show:
         self.later: list[Callable[[], Any]] = []  # compile kernels in later frames
         self.pose = Pose(scene)
         self.rng = np.random.default_rng(scene.seed)  # of drops that the user adds
-        self.display = Display(self.simulation, scene, self.pose, size, meshes, timings)
+        self.now = Moment()
+        self._observe(self._box())
+        if self.draws:
+            self.display.reset()
+
+    @property
+    def draws(self) -> bool:
+        """True if frames have an image or a mesh."""
+        return bool(self.size or self.meshes)
+
+    @cached_property
+    def state(self) -> State:
+        """State that is drawn; see take()."""
+        state = self.simulation.world.build_once(state_of)
+        state.load(self.simulation.plan)
+        return state
+
+    @cached_property
+    def display(self) -> Any:
+        """Surface, image and camera."""
+        more = self.size, self.meshes, self.timings, self.scalable
+        return Display(self.state, self.initial, *more)
 
     def set(self, key: str, value: float | None) -> None:
         """Sets a live parameter (msph/scene/live.py), None for its initial value; parameters that
@@ -109,7 +134,7 @@ class Show:
             self.scene = with_value(self.scene, key, value_of(self.initial, key))
         else:
             self.scene = with_live_value(self.scene, key, value)
-        if key.startswith("picture.") and self.display.picture:
+        if key.startswith("picture.") and self.size:
             self.display.picture.change(self.scene.picture)
         if key.startswith(f"{self.scene.method}."):
             self.simulation.solver.tune(getattr(self.scene, self.scene.method))
@@ -154,7 +179,7 @@ class Show:
     def close(self) -> None:
         """Drops all parts, so that another simulation can use their memory."""
         self.simulation.close()
-        for part in ("simulation", "ledger", "display"):
+        for part in ("simulation", "ledger", "display", "state"):
             setattr(self, part, None)
 
     def frame(self, controls: Controls) -> None:
@@ -163,7 +188,7 @@ class Show:
             self.set(key, value)
         if controls.reset:
             self.reset()
-        if controls.next_view and self.display.views:
+        if controls.next_view and self.size:
             self.display.views.next()
         if self.later and self.frames:
             self.later.pop(0)()
@@ -175,14 +200,11 @@ class Show:
                     self.note = self.simulation.openings.message() or ""
             if self.simulated > 0.0:
                 self.pose.place(self.simulation.time)
-                speed = self.ledger.record(external.gravity).top_speed
-                self.display.advance(self.simulated, external.gravity, external.hand, speed)
-        if self.scalable:
-            self.display.picture.scale = controls.scale
-        else:
-            self.display.follow_path()
-        if not controls.hidden:
-            self.display.draw()
+                self.ledger.record(external.gravity)
+        self._observe(external)
+        if self.draws:
+            self.take()
+            self.display.frame(controls)
         self.frames += 1
         if self.timings:
             self.timings.close_frame()
@@ -238,8 +260,7 @@ class Show:
         """Sets the tilt, uses the tool, and returns the external forces of the frame: gravity,
         hand, and the inertia of the scene's motion and of the user's tilt."""
         self.pose.take(controls, self.simulation.time)
-        if self.display.picture:
-            self.display.picture.ball = None
+        self.ball = None
         if controls.still:
             self.pose.pause()
             return self._box()
@@ -255,8 +276,8 @@ class Show:
     def _use_tool(self, use: ToolUse) -> Hand:
         """Returns the hand of a tool, which may also add water."""
         tool, touch = BY_NAME[use.tool], Touch(self, use)
-        if tool.ball and self.display.picture:
-            self.display.picture.ball = use.place, touch.radius
+        if tool.ball:
+            self.ball = use.place, touch.radius
         try:
             return tool.act(touch)
         except FullError as error:
@@ -304,6 +325,7 @@ class Show:
             raise SceneError(checkpoint.name, problem) from None
         self.counts = self.simulation.counts()
         self.ledger.clear()
+        self._observe(self._box())
 
     def gravity(self) -> tuple[float, float, float]:
         """Returns gravity [m/s^2] in the pool's frame now, without user input."""
@@ -314,16 +336,55 @@ class Show:
         """Resets the simulation; the camera stays."""
         self.simulation.reset()
         self.pose.reset(self.simulation.time)
-        self.display.reset()
+        if self.draws:
+            self.display.reset()
         self.stopped.clear()
         self.dragged = self.grip = self.wall_place = None
         self.counts = self.simulation.counts()
         self.ledger.clear()
+        self.simulated, self.ball = 0.0, None
+        self._observe(self._box())
+
+    def _observe(self, external: MovingBox) -> None:
+        """Collects the numbers of the present frame."""
+        sim, last = self.simulation, self.ledger.entries[-1] if self.ledger.entries else None
+        # The residual is not measured in every frame.
+        residual = last.solver_residual_mean if last else math.nan
+        self.now = Moment(
+            time=sim.time,
+            simulated=self.simulated,
+            tilt=self.pose.tilt,
+            shift=self.pose.shift,
+            gravity=external.gravity,
+            hand=external.hand,
+            top_speed=last.top_speed if last else 0.0,
+            ball=self.ball,
+            spilt=sim.rim.mass,
+            energy=last.energy if last else math.nan,
+            solver_residual=self.now.solver_residual if last and math.isnan(residual) else residual,
+            stopped=frozenset(self.stopped),
+            waiting=sim.openings.message() or "",
+        )
+
+    def take(self) -> None:
+        """Copies the present particles and bodies to the state."""
+        wanted = [self.display.views.wanted] if self.size else []
+        self.state.take(self.simulation, self.now, *wanted)
+
+    def draw(self) -> None:
+        """Draws the simulation as it is now."""
+        self.take()
+        self.display.draw()
+
+    def volume(self) -> float:
+        """Returns the volume enclosed by the surface mesh [m^3]; NaN if the mesh overflowed."""
+        self.take()
+        return self.display.volume()
 
     def volume_error(self) -> float:
         """Returns the surface's volume over the volume at rest density, minus 1 (-); water in pipes
         of openings, which has no surface, does not count."""
-        return self.display.volume() / Snapshot.of(self.simulation).volume - 1.0
+        return self.volume() / Snapshot.of(self.simulation).volume - 1.0
 
     def bulk_density_error(self) -> float:
         """Returns the error of the bulk density (-), measured from the positions in milliseconds;
@@ -346,7 +407,6 @@ class Show:
 
     def warnings(self) -> list[str]:
         """Returns warnings about a truncated mesh, waiting inflows and stopped bodies."""
-        told = [
-            text for text in (self.display.overflow(), self.simulation.openings.message()) if text
-        ]
+        overflow = self.display.overflow() if self.draws else None
+        told = [text for text in (overflow, self.now.waiting) if text]
         return [*told, *(f"{name} stopped: it had trapped water" for name in sorted(self.stopped))]

@@ -33,14 +33,14 @@ class Status:
         first = pace(pacer, paused)
         # Simulations side by side have labels with these values.
         if not row.composed:
-            counts = [n for n in row.lead.simulation.counts() if n]
+            counts = [n for n in row.lead.state.counts() if n]
             layers = f"{len(counts)} layer{'s' * (len(counts) > 1)}"
             first = f"{first}, {sum(counts):,} particles in {layers}"
-            if row.lead.simulation.rim.mass > 0.0:
-                first += f", {row.lead.simulation.rim.mass:.3g} kg spilt"
+            if row.lead.now.spilt > 0.0:
+                first += f", {row.lead.now.spilt:.3g} kg spilt"
         lines = [(first, pages.INK)]
         if detailed and pacer.frames:
-            time = f"time {row.lead.simulation.time:.1f} s, {1.0 / pacer.wall:.0f} frames/s"
+            time = f"time {row.lead.now.time:.1f} s, {1.0 / pacer.wall:.0f} frames/s"
             lines.append((f"{time}, quality {self.quality}", pages.FAINT))
             if not row.composed and now - self.counted > WATER_EVERY:
                 self.counted, self.water = now, self._water(row.lead)
@@ -48,7 +48,7 @@ class Status:
                 lines.append((self.water, pages.FAINT))
         lines += [
             (f"{name} stopped: no room", pages.WARNING)
-            for name in sorted(set().union(*(s.stopped for s in row.shows)))
+            for name in sorted(set().union(*(s.now.stopped for s in row.shows)))
         ]
         return pages.lines(lines, size)
 
