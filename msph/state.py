@@ -35,8 +35,8 @@ class Moment:
     shift (3,) [m] of the box, see Pose; gravity [m/s^2] in the box frame, hand and top_speed [m/s]
     of the water in this frame; ball: centre [m] and radius [m] of a hand that images show; spilt
     [kg]; energy [J]; solver_residual (-); fluid [s]: elapsed time of the fluid in this frame;
-    stopped: names of stopped bodies; waiting: message about inflows that wait; picked: density
-    [kg/m^3] and pressure [Pa] of the picked particle.
+    resets: number of resets; stopped: names of stopped bodies; waiting: message about inflows that
+    wait; picked: density [kg/m^3] and pressure [Pa] of the picked particle.
     """
 
     time: float = 0.0
@@ -51,6 +51,7 @@ class Moment:
     energy: float = np.nan
     solver_residual: float = np.nan
     fluid: float = 0.0
+    resets: int = 0
     stopped: frozenset[str] = frozenset()
     waiting: str = ""
     picked: tuple[float, float] | None = None
@@ -78,9 +79,17 @@ class State(Builder):
     kernels above the fluid are built once for a state, by build_once().
     """
 
-    def __init__(self, room: Room, constants: Constants, layers: Any, boundary: Any, rim: Any):
+    def __init__(
+        self,
+        room: Room,
+        constants: Constants,
+        layers: Any,
+        boundary: Any,
+        rim: Any,
+        openings: Any = None,
+    ):
         self.room, self.constants, self.layers = room, constants, layers
-        self.boundary, self.rim = boundary, rim
+        self.boundary, self.rim, self.openings = boundary, rim, openings
         self.particles = Particles(room.particles, (VIEWED,))
         self.grid = LayeredGrid(room, constants, layers, self.particles)
         self.now, self.wanted, self._ahead = Moment(), Wanted(), 0.0
@@ -155,4 +164,5 @@ def state_of(world: World) -> State:
     """Builds a state beside a simulation, which shares its tables and bodies (for
     World.build_once)."""
     parts = world.parts
-    return State(parts.room, parts.constants, parts.layers, parts.boundary, parts.rim)
+    own = parts.constants, parts.layers, parts.boundary, parts.rim, parts.openings
+    return State(parts.room, *own)

@@ -251,11 +251,6 @@ class Display:
         back = self.camera.axes()[2] * (1.0, 0.0, 1.0)
         return self.state.now.tilt.T @ (back / np.linalg.norm(back))
 
-    def volume(self) -> float:
-        """Returns the volume enclosed by the surface mesh [m^3]; NaN if the mesh overflowed."""
-        mesh = self.extracted()
-        return math.nan if mesh.overflowed() else mesh.volume()
-
     def extracted(self) -> SurfaceMesh:
         """Extracts and returns the surface, spray included."""
         self.surface = self.surface or self._load_surface()

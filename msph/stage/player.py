@@ -47,7 +47,7 @@ class Player(Audience):
         self.has_toolbar = guide is None
         lead, play = row.lead, row.lead.scene.play
         self.layout, self.clip = layout, Clip()
-        self.pacer = Pacer(play.fps, play.speed, play.scale)
+        self.pacer = Pacer(play.fps, play.speed, play.scale, lead.parallel)
         layout.begin(choice.quality_now)
         self.menu = Menu(row, choice, layout, self.pacer, arguments)
         self.steering, self.toolbar = Steering(window, row), Toolbar(layout)
@@ -64,7 +64,7 @@ class Player(Audience):
             lead.display.camera = self._framing()
         self.runs = self.guide.runs
         self.offer: LostSession | None = None  # offered to the user
-        self.paused = self.single_step = self.done = self.helping = False
+        self.paused = self.single_step = self.done = self.helping = self.begins_anew = False
         self.clock: float | None = None  # time at which the last frame was presented [s]
         self.present = math.inf  # time to present a frame, without the wait for the display [s]
 
@@ -74,11 +74,11 @@ class Player(Audience):
         return self.menu.next if self.window.open and not self.done else None
 
     def wants_more(self, row: Row) -> bool:
+        row.receive()
         return self.window.open and not (self.done or self.menu.settled)
 
     def controls(self, row: Row) -> Controls:
         controls, steering, guide = Controls(), self.steering, self.guide
-        self.single_step = False
         pressed = self.window.presses()
         steering.read_cursor()
         for key in pressed:
@@ -100,7 +100,10 @@ class Player(Audience):
         sway = self.idle.roll(row.lead.now.time, 0.0 if self._paused else step)
         controls.tilt = (float(steering.tilt[0]) + steering.jolt + sway, float(steering.tilt[1]))
         controls.azimuth = row.lead.display.camera.azimuth
-        controls.set = self.menu.take_changes()
+        if not row.busy:
+            # What waits for an answer of the simulation is given now.
+            controls.set, controls.reset = self.menu.take_changes(), self.begins_anew
+            self.single_step = self.begins_anew = False
         return controls
 
     @property
@@ -154,8 +157,10 @@ class Player(Audience):
         if action == "quit" and self.helping:
             action = "help"
         act = getattr(self, f"_{action}", None)
-        if action in ("reset", "next_view"):
-            setattr(controls, action, True)
+        if action == "next_view":
+            controls.next_view = True
+        elif action == "reset":
+            self.begins_anew = True
         elif action == "single_step":
             self.single_step = True
         elif action in SAVING:
@@ -249,6 +254,8 @@ class Player(Audience):
         self.window.show(image)
         now = time.perf_counter()
         self.present = min(PRESENT_GROWTH * self.present, now - begin)
+        if not row.lead.new:
+            return
         if self.clock is not None and not self._paused:
             self.pacer.observe(row, now - self.clock, self.present)
         self.clock = now

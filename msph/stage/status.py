@@ -12,6 +12,8 @@ from msph.stage.show import Show
 REAL_TIME = 0.95  # real-time factor from which a simulation runs in real time
 # Time [s] between two updates of speed and counts, and of errors, which take milliseconds.
 EVERY, WATER_EVERY = 0.4, 1.2
+# The same while the window waits for the simulation.
+WAITING_EVERY = 0.1
 
 
 class Status:
@@ -19,7 +21,7 @@ class Status:
 
     def __init__(self, quality: str):
         self.quality, self.last, self.counted = quality, -math.inf, -math.inf
-        self.detailed = False
+        self.detailed = self.waited = False
         self.water = ""
 
     def page(
@@ -27,9 +29,13 @@ class Status:
     ) -> np.ndarray | None:
         """Returns the page at the wall-clock time `now` [s] with a text height of `size` [pixels],
         None if it is not due. detailed: with time, frame rate, quality and errors."""
-        if now - self.last < EVERY and detailed == self.detailed:
+        waiting = row.waiting
+        every = WAITING_EVERY if waiting or self.waited else EVERY
+        if now - self.last < every and detailed == self.detailed:
             return None
-        self.last, self.detailed = now, detailed
+        self.last, self.detailed, self.waited = now, detailed, bool(waiting)
+        if waiting:
+            return pages.lines([(waiting, pages.WARNING)], size)
         first = pace(pacer, paused)
         # Simulations side by side have labels with these values.
         if not row.composed:

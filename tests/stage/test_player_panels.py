@@ -143,7 +143,7 @@ def test_status_shows_errors_of_bulk_density_and_volume(player, show, monkeypatc
     monkeypatch.setattr(show, "bulk_density_error", lambda: 0.0123)
     told = player.layout.status._water(show)
     assert told.startswith("bulk density error +1.23 %")
-    volume = show.display.surface.mesh.volume() / show.rest_volume() - 1.0
+    volume = show.display.surface.mesh.volume() / show.water_volume() - 1.0
     assert told.endswith(f"volume error {round(100.0 * volume, 1) + 0.0:+.1f} %")
     # Views of particles extract no surface, so the current volume is unknown.
     show.display.views.name = "speed"
