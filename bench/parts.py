@@ -18,7 +18,7 @@ import taichi as ti
 from bench.tables import Table
 from bench.tanks import FRAME
 from bench.water import Ours
-from msph.fluid.external_forces import ExternalForces, Hand
+from msph.fluid.external_forces import ExternalForces
 from msph.launches import watch_launches
 from msph.measure.ledger import Ledger
 from msph.measure.probes import build_probes
@@ -27,6 +27,7 @@ from msph.scene.build import build_simulation
 from msph.scene.schema import Scene
 from msph.stage.explain import picture_error, water_error
 from msph.stage.show import Show
+from msph.state import Moment
 
 # A tank of 3,072 particles that sloshes under tilted gravity [m, m/s^2].
 SIZE, DEPTH, SPACING, GRAVITY = (0.6, 0.4, 0.4), 0.2, 0.025, (1.5, -9.7, 0.0)
@@ -157,7 +158,9 @@ class Side:
             for probe in self.probes:
                 probe.read(water)
         if self.show:
-            self.show.display.advance(FRAME, GRAVITY, Hand(), speed)
+            now = Moment(simulated=FRAME, gravity=GRAVITY, top_speed=speed)
+            self.show.state.take(self.sim, now)
+            self.show.display.advance()
             self.show.display.draw()
 
     def timed(self) -> None:

@@ -125,7 +125,7 @@ class Water(AbstractContextManager):
             world = self._show.simulation.world
             _park([w for w in _running if w._show.simulation.world is world])
             self._show.simulation.unpark()
-            self._show.display.load(self._size)
+            self._show.load(self._size)
             _running.add(self)
         return self._show
 
@@ -183,13 +183,13 @@ class Water(AbstractContextManager):
         """Returns an image, (height, width, 3) uint8, the first row at the top. The scene has the
         camera and the view: set={"camera.azimuth": 30, "picture.view": "pressure"} in open()."""
         check_values("capture", size=f"{width}x{height}")
-        display = self._awake.display
+        show = self._awake
         with compiling(None):
             if self._size != (width, height):
                 self._size = width, height
-                display.load(self._size)
-            display.draw()
-        return display.picture.to_numpy_u8()
+                show.load(self._size)
+            show.draw()
+        return show.display.picture.to_numpy_u8()
 
     def show(self, width: int = 960, height: int = 540) -> Any:
         """Returns an image as a PIL.Image, which notebooks display."""
@@ -199,8 +199,8 @@ class Water(AbstractContextManager):
         """Returns the surface as a closed trimesh.Trimesh [m] with vertex_attributes: velocity
         (n, 3) [m/s], foam (n,), the covered share from the first mesh or image on, and, if asked
         for, layer (n,)."""
-        display = self._awake.display
-        return surface_mesh(display.extracted(), display.simulation, display.whitewater, layer)
+        show = self._awake
+        return surface_mesh(show.extracted(), show.simulation, show.display.whitewater, layer)
 
     def save(self, file: str | os.PathLike) -> None:
         """Writes a checkpoint (.npz), from which load() and --resume of the commands continue."""
@@ -242,7 +242,7 @@ class Water(AbstractContextManager):
         check_files(paths, [])
         display, self._size = show.display, size if outputs.pictures else None
         display.meshes, display.sprayed = outputs.surface, outputs.sprayed
-        display.load(self._size)
+        show.load(self._size)
         with replacing_all(paths):
             recorder = Recorder(outputs, count, fps, bar=False, aspect=size[0] / size[1])
             row = Row([show])

@@ -33,12 +33,13 @@ def allocate_first_world():
     from msph.fluid.room import FIRST
     from msph.picture.picture import picture_of
     from msph.picture.room import PictureRoom
+    from msph.state import state_of
     from msph.surface import SurfaceRoom
 
     first = world.World(FIRST)
     for method in METHODS.values():
         first.build_once(world._solver, method)
-    first.build_once(picture_of, SurfaceRoom(), PictureRoom())
+    first.build_once(state_of).build_once(picture_of, SurfaceRoom(), PictureRoom())
     world.give_back(first)
 
 

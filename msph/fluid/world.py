@@ -46,7 +46,23 @@ GROWTH = 3
 T = TypeVar("T")
 
 
-class World:
+class Builder:
+    """Owner of fields on which objects with kernels are built once. traits: of these objects."""
+
+    traits: Traits
+    _built: dict[Any, Any]
+
+    def build_once(self, build: Callable[..., T], *arguments: Any) -> T:
+        """Returns build(self, *arguments); later calls with the same arguments return the same
+        object, so that its kernels are compiled once."""
+        key = build, *arguments
+        if key not in self._built:
+            with use_traits(self.traits):
+                self._built[key] = build(self, *arguments)
+        return self._built[key]
+
+
+class World(Builder):
     """Components of a fluid with capacity `room`, and all objects with kernels on them."""
 
     def __init__(self, room: Room):
@@ -59,16 +75,7 @@ class World:
         self.traits = Traits()
         with use_traits(self.traits):
             self.parts = _parts(room)
-        self._built: dict[Any, Any] = {}
-
-    def build_once(self, build: Callable[..., T], *arguments: Any) -> T:
-        """Returns build(world, *arguments); later calls with the same arguments return the same
-        object, so that its kernels are compiled once."""
-        key = build, *arguments
-        if key not in self._built:
-            with use_traits(self.traits):
-                self._built[key] = build(self, *arguments)
-        return self._built[key]
+        self._built = {}
 
     def load(self, plan: Plan) -> Any:
         """Fills tables and constants for a scene; returns the solver of its method."""

@@ -39,6 +39,14 @@ class Timings:
             self._path.pop()
         self._open[path] += time.perf_counter() - start
 
+    def spent(self, stage: str) -> float:
+        """Returns the time [s] of a stage in the present frame."""
+        return self._open.get(stage, 0.0)
+
+    def add(self, stage: str, seconds: float) -> None:
+        """Adds the time [s] of a stage that another process has run."""
+        self._open[stage] += seconds
+
     def close_frame(self) -> None:
         self.frames.append(dict(self._open))
         self._open.clear()

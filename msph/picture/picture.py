@@ -7,7 +7,6 @@ import numpy as np
 import taichi as ti
 
 from msph.fluid.boundary.rim import Rim
-from msph.fluid.world import World
 from msph.launches import Traits, data_oriented, kernel, use_traits
 from msph.picture.backdrop import Backdrop
 from msph.picture.body_faces import BodyFaces
@@ -31,16 +30,16 @@ from msph.picture.sunlight import Sunlight
 from msph.picture.tone import Tone
 from msph.picture.water import WaterShader
 from msph.picture.wetness import EVERY, LOST, Wetness
+from msph.state import State
 from msph.surface import SurfaceRoom, surface_of
 from msph.surface.thin_water import ThinWater
 from msph.surface.whitewater import Whitewater, whitewater_of
 
 
-def picture_of(world: World, surface_room: SurfaceRoom, room: PictureRoom) -> "Picture":
-    """Builds a picture of the surface, particles and bodies of a world (for World.build_once)."""
-    surface = world.build_once(surface_of, surface_room)
-    parts, white = world.parts, world.build_once(whitewater_of)
-    return Picture(surface.mesh, parts.boundary, room, white, parts.rim, surface.thin)
+def picture_of(state: State, surface_room: SurfaceRoom, room: PictureRoom) -> "Picture":
+    """Builds a picture of the surface, particles and bodies of a state (for State.build_once)."""
+    surface, white = state.build_once(surface_of, surface_room), state.build_once(whitewater_of)
+    return Picture(surface.mesh, state.boundary, room, white, state.rim, surface.thin)
 
 
 @data_oriented

@@ -21,8 +21,7 @@ def build_simulation(scene: Scene, spare: int = 0, room: int = 0) -> Simulation:
     Raises SceneError if the bodies leave no room for water, an inflow or an outflow.
     """
     try:
-        plan = _with_spare(plan_of(scene), spare)
-        return Simulation(replace(plan, capacity=max(plan.max_particles, room)))
+        return Simulation(roomy_plan_of(scene, spare, room))
     except NoWaterError:
         key = "container" if scene.container else "bodies"
         raise SceneError(scene.title, "no water is left outside the bodies", key) from None
@@ -30,6 +29,12 @@ def build_simulation(scene: Scene, spare: int = 0, room: int = 0) -> Simulation:
         k = error.opening - len(scene.inflows)
         key = f"inflows.{error.opening}" if k < 0 else f"outflows.{k}"
         raise SceneError(scene.title, str(error), key) from None
+
+
+def roomy_plan_of(scene: Scene, spare: int, room: int = 0) -> Plan:
+    """Returns the plan of build_simulation()."""
+    plan = _with_spare(plan_of(scene), spare)
+    return replace(plan, capacity=max(plan.max_particles, room))
 
 
 def _with_spare(plan: Plan, spare: int) -> Plan:

@@ -48,9 +48,9 @@ class About:
 class Autosave:
     """File of this session. As a context it removes the file at the end, except after an error."""
 
-    def __init__(self, arguments: SceneArguments):
-        self.arguments, self.began = arguments, time.strftime("%H:%M")
-        self.path = folder() / f"{PREFIX}{os.getpid()}_{time.time_ns()}.npz"
+    def __init__(self, arguments: SceneArguments, path: Path | None = None, began: str = ""):
+        self.arguments, self.began = arguments, began or time.strftime("%H:%M")
+        self.path = path or folder() / f"{PREFIX}{os.getpid()}_{time.time_ns()}.npz"
         self.writer = ThreadPoolExecutor(1)
 
     def __enter__(self) -> "Autosave":

@@ -12,11 +12,14 @@ from msph.measure.snapshot import Snapshot
 from msph.measure.timings import Timings, peak_memory, process_age
 from msph.scene.schema import Scene
 from msph.stage.headless import Headless, HeadlessPlayer
+from msph.stage.link import Order
 from msph.stage.loop import run
+from msph.stage.process import start_simulations
 from msph.stage.recording import Recording
+from msph.stage.remote import Remote
 from msph.stage.replaying import Replayer
 from msph.stage.row import Row
-from msph.stage.show import INTERACTIVE, SIMULATED, Show
+from msph.stage.show import SIMULATED, Show
 
 FRAME_TIME = 1.0 / 60.0
 SIZE = (640, 360)
@@ -198,29 +201,30 @@ class PlayResult:
 
 
 def benchmark_play(
-    scene: Scene, name: str, quality: str, seconds: float, size: tuple[int, int]
+    order: Order, seconds: float, size: tuple[int, int], arch: str, threads: int | None
 ) -> PlayResult:
-    """Plays a scene for `seconds` [s] of wall-clock time as a window of `size` does. quality: name
-    of the scene's quality."""
-    timings = Timings(keep=1)
-    with closing(Show(scene, 1.0 / scene.play.fps, size, timings=timings, **INTERACTIVE)) as show:
-        show.warm_up()
-        ready = process_age()
-        player = HeadlessPlayer(seconds, scene.play.fps)
-        run(Row([show]), player)
-        walls = np.array(player.walls)
-        result = PlayResult(
-            scene=name,
-            quality=quality,
-            particles=show.counts,
-            frames_per_second=float(1.0 / np.median(walls)),
-            slowest_frames_per_second=float(1.0 / np.percentile(walls, 95)),
-            simulated_per_wall=sum(player.simulated) / float(walls.sum()),
-            picture_scale=float(np.mean(player.scales)),
-            solver_residual_mean=show.ledger.solver_residual()[0],
-            start_seconds=ready,
-        )
-    return result
+    """Plays an order's scene for `seconds` [s] of wall-clock time as a window of `size` does;
+    arch, threads: of the simulation's process."""
+    (scene,) = order.scenes
+    with Remote(*start_simulations(arch, threads)) as remote:
+        row = remote.row(order, size)
+        ready, lead = process_age(), row.lead
+        player = HeadlessPlayer(seconds, scene.play.fps, parallel=lead.parallel)
+        particles = lead.state.counts()
+        run(row, player)
+        row.close()
+    walls = np.array(player.walls)
+    return PlayResult(
+        scene=order.choice.scene,
+        quality=order.choice.quality,
+        particles=particles,
+        frames_per_second=float(1.0 / np.median(walls)),
+        slowest_frames_per_second=float(1.0 / np.percentile(walls, 95)),
+        simulated_per_wall=sum(player.simulated) / float(walls.sum()),
+        picture_scale=float(np.mean(player.scales)),
+        solver_residual_mean=float(np.nanmean(player.residuals)),
+        start_seconds=ready,
+    )
 
 
 def profile_lines(profile_ms: dict[str, float]) -> list[str]:

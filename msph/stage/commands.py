@@ -33,7 +33,9 @@ from msph.scene.quality import costs
 from msph.scene.schema import Scene
 from msph.stage.benchmark import SIZE as BENCH_SIZE
 from msph.stage.benchmark import PlayResult, Result, benchmark, benchmark_play, profile_lines
+from msph.stage.called import Choice, SceneArguments
 from msph.stage.explain import explain
+from msph.stage.link import Order
 from msph.stage.loaded import Loaded, at, exclude, options_of, smooth, with_input
 from msph.stage.loop import run as run_loop
 from msph.stage.outputs import NUMBER, Outputs, check_files, check_outputs
@@ -130,7 +132,7 @@ def bench(scenes: tuple[str, ...], options: BenchOptions, run: RunOptions) -> No
     for loaded in [at(scene, name, run) for name, scene in given]:
         say(f"{loaded.name}: compiling kernels, then running")
         try:
-            rows.append(timed(loaded, options, recording))
+            rows.append(timed(loaded, options, recording, run))
         except (AllSpiltError, BlowUpError, TrappedWaterError) as error:
             say(f"{loaded.name}: FAILED: {error}")
             failed = True
@@ -151,7 +153,7 @@ def bench(scenes: tuple[str, ...], options: BenchOptions, run: RunOptions) -> No
 
 
 def timed(
-    loaded: Loaded, options: BenchOptions, recording: Recording | None
+    loaded: Loaded, options: BenchOptions, recording: Recording | None, run: RunOptions
 ) -> Result | PlayResult:
     """Returns the benchmark of one scene."""
     scene, name, duration = loaded.scene, loaded.name, options.seconds or loaded.scene.duration
@@ -159,7 +161,9 @@ def timed(
         recording = recording.cut(options.seconds)
         recording.check(scene)
     if options.as_played:
-        return benchmark_play(scene, name, loaded.quality, duration, options.size or PLAY_SIZE)
+        names = Choice(name, loaded.quality), SceneArguments(name, run.overrides)
+        order = Order([scene], [name], *names, whole=True)
+        return benchmark_play(order, duration, options.size or PLAY_SIZE, run.arch, run.threads)
     size = options.size or BENCH_SIZE
     parts = not options.no_render, size, options.profile
     return benchmark(scene, name, duration, *parts, recording)

@@ -7,9 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from msph.fluid.external_forces import Hand, Vec3
-from msph.fluid.shown import Shown
-from msph.fluid.simulation import Simulation
 from msph.fluid.stages import no_stage
 from msph.measure.timings import Timings
 from msph.picture.camera import Camera
@@ -18,9 +15,10 @@ from msph.picture.pixels import matted
 from msph.picture.room import PictureRoom
 from msph.scene.camera_path import orbit_at
 from msph.scene.schema import Scene
+from msph.stage.controls import Controls
 from msph.stage.floats import floating_at
-from msph.stage.pose import Pose
 from msph.stage.views import Views
+from msph.state import State
 from msph.surface import Surface, SurfaceRoom, surface_of
 from msph.surface.mesh import SurfaceMesh
 from msph.surface.whitewater import whitewater_of
@@ -30,27 +28,27 @@ BELOW = 1.2
 
 
 class Display:
-    """Extracts the surface of a simulation and renders it, or its particles.
+    """Extracts the surface of a state and renders it, or its particles.
 
     size (width, height) [pixels] of the image, None for no image. meshes: extract the surface of
-    every frame, rendered or not. pose: of the rendered box. Parts that are not used are None.
+    every frame, rendered or not. scalable: frames may set the image scale. Parts that are not used
+    are None.
     """
 
     def __init__(
         self,
-        simulation: Simulation,
+        state: State,
         scene: Scene,
-        pose: Pose,
         size: tuple[int, int] | None,
         meshes: bool,
         timings: Timings | None,
+        scalable: bool = False,
     ):
-        self.simulation, self.scene, self.pose, self.meshes = simulation, scene, pose, meshes
+        self.state, self.scene, self.meshes, self.scalable = state, scene, meshes, scalable
         # True if the spray is droplets, as in images, instead of a part of the mesh.
         self.sprayed = not meshes
         self.stage = timings.stage if timings else no_stage
         self.substage = timings.substage if timings else no_stage
-        self.shown: Any = None  # water at the end of the frame, if it is drawn
         self.surface: Any = None
         self.picture: Any = None
         self.views: Any = None
@@ -59,12 +57,11 @@ class Display:
 
     def load(self, size: tuple[int, int] | None) -> None:
         """Loads the parts for images of `size` (width, height) [pixels], None for no images."""
-        world = self.simulation.world
         self.surface = self._load_surface() if size or self.meshes else None
         self.picture = self._load_picture(size) if size else None
-        self.views = Views(self.simulation, self.scene) if size else None
+        self.views = Views(self.state, self.scene) if size else None
         white = self.surface and self.scene.picture.whitewater
-        self.whitewater = world.build_once(whitewater_of) if white else None
+        self.whitewater = self.state.build_once(whitewater_of) if white else None
         if self.whitewater:
             self.whitewater.reset()
         if size:
@@ -79,7 +76,7 @@ class Display:
         aspect = aspect or self.picture.width / self.picture.height
         x, y, z = self.scene.box.size
         centre = 0.5 * x, 0.5 * y, 0.5 * z
-        azimuth, elevation, zoom, target = orbit_at(c, self.simulation.time, centre)
+        azimuth, elevation, zoom, target = orbit_at(c, self.state.now.time, centre)
         camera = Camera.framing(
             self.scene.box.size,
             aspect=free * stretch * aspect,
@@ -99,35 +96,44 @@ class Display:
             self.camera = self.framing()
 
     def _load_surface(self) -> Surface:
-        s, sim = self.scene.surface, self.simulation
-        cell = s.cell * sim.layers.finest.spacing
-        self.shown = sim.world.build_once(Shown)
-        self.shown.load()
-        room = SurfaceRoom.holding(sim.region, cell, sim.particles.capacity)
-        surface = sim.world.build_once(surface_of, room)
-        surface.load(sim.region, cell, s.smoothing)
-        self.shown_bodies = sim.boundary.count
+        s, state = self.scene.surface, self.state
+        cell = s.cell * state.layers.finest.spacing
+        room = SurfaceRoom.holding(state.region, cell, state.particles.capacity)
+        surface = state.build_once(surface_of, room)
+        surface.load(state.region, cell, s.smoothing)
+        self.shown_bodies = state.boundary.count
         return surface
 
     def _load_picture(self, size: tuple[int, int]) -> Picture:
         look = self.scene.picture
-        sim, room = self.simulation, PictureRoom.holding(*size, look.supersample)
-        picture = sim.world.build_once(picture_of, self.surface.room, room)
+        state, room = self.state, PictureRoom.holding(*size, look.supersample)
+        picture = state.build_once(picture_of, self.surface.room, room)
         spacing = max(self.surface.lattice.spacing)
-        picture.load(*size, sim.size, look, sim.region, spacing)
+        picture.load(*size, state.plan.size, look, state.region, spacing)
         return picture
 
-    def advance(self, dt: float, gravity: Vec3, hand: Hand, top_speed: float) -> None:
-        """Advances spray, whitewater, ripples and wetness by dt [s] of simulated time; gravity
-        [m/s^2] in the box frame; hand: in the water; top_speed [m/s]: of the water."""
+    def frame(self, controls: Controls, new: bool = True) -> None:
+        """Draws a frame: of a `new` state, or anew of the last state."""
+        if new and self.state.now.simulated > 0.0:
+            self.advance()
+        if self.scalable:
+            self.picture.scale = controls.scale
+        else:
+            self.follow_path()
+        if not controls.hidden:
+            self.draw(new)
+
+    def advance(self) -> None:
+        """Advances spray, whitewater, ripples and wetness by the simulated time of the frame."""
+        now = self.state.now
         if self.surface:
-            self.surface.advance(dt)
+            self.surface.advance(now.simulated)
         if self.whitewater:
             with self.stage("surface"), self.substage("whitewater"):
-                self.whitewater.advance(dt, gravity, top_speed)
+                self.whitewater.advance(now.simulated, now.gravity, now.top_speed)
         if self.picture:
             with self.stage("picture"):
-                self.picture.advance(dt, hand)
+                self.picture.advance(now.simulated, now.hand)
 
     def later_kernels(self) -> list[Callable[[], Any]]:
         """Returns functions that compile kernels which the first images do not need."""
@@ -136,10 +142,11 @@ class Display:
 
     def _draw_next_view(self) -> None:
         """Draws the next view, over which the next image is drawn."""
-        name = self.views.name
+        name, wanted = self.views.name, self.state.wanted
         self.views.next()
+        self.state.wanted = self.views.wanted
         self.draw()
-        self.views.name = name
+        self.views.name, self.state.wanted = name, wanted
 
     def reset(self) -> None:
         """Removes spray, whitewater, ripples and wetness; the camera stays."""
@@ -154,18 +161,18 @@ class Display:
     def view(self) -> Camera:
         """The camera in axes that move with the box's centre."""
         camera = copy(self.camera)
-        camera.target = camera.target - self.pose.shift
+        camera.target = camera.target - self.state.now.shift
         return camera
 
-    def draw(self) -> None:
-        """Extracts the surface and renders the image, as far as they are used."""
-        if self.surface and self.shown_bodies != self.simulation.boundary.count:
+    def draw(self, new: bool = True) -> None:
+        """Extracts the surface of a `new` state and renders the image, as far as they are used."""
+        if self.surface and self.shown_bodies != self.state.boundary.count:
             self._load_surface()
             if self.picture:
                 self.picture.take_bodies()
         water = self.picture is not None and self.views.name == "water"
-        if self.surface and (water or self.meshes):
-            with self.stage("surface"), self.shown.at_frame(self.simulation):
+        if self.surface and new and (water or self.meshes):
+            with self.stage("surface"), self.state.at_frame():
                 self.surface.extract(for_image=self.sprayed)
         if self.picture:
             self._render()
@@ -183,34 +190,34 @@ class Display:
 
     def _render(self) -> None:
         """Renders the surface, or the particles."""
-        with self.stage("picture"):
+        now = self.state.now
+        self.picture.ball = now.ball
+        with self.stage("picture"), self.state.at_frame():
             if self.views.name == "water":
-                with self.simulation.boundary.shifted(-self.simulation.ahead):
-                    self.picture.draw_water(self.view, self.pose.tilt, self.sprayed)
+                self.picture.draw_water(self.view, now.tilt, self.sprayed)
                 return
             self.views.neighbourhood.follow()
             if self.views.cut is not None:
                 self.views.cut = self._near()
             value, lo, hi = self.views.values()
-            with self.shown.at_frame(self.simulation):
-                self.picture.draw_particles(
-                    self.view,
-                    self.pose.tilt,
-                    self.shown.particles.x,
-                    value,
-                    lo,
-                    hi,
-                    self.simulation.particles.count,
-                    self.views.radius,
-                    legend=self.views.legend(lo, hi),
-                )
+            self.picture.draw_particles(
+                self.view,
+                now.tilt,
+                self.state.particles.x,
+                value,
+                lo,
+                hi,
+                self.state.particles.count,
+                self.views.radius,
+                legend=self.views.legend(lo, hi),
+            )
 
     def pick(self, i: int, j: int) -> np.ndarray | None:
         """Returns the point of the water or of a floating body [m], box frame, at a pixel (i right,
         j up), or None."""
         if self.views.name == "water":
             water, (eye, direction) = self.picture.pick(i, j), self.ray(i, j)
-            body = floating_at(self.simulation.boundary, eye, direction)
+            body = floating_at(self.state.boundary, eye, direction)
             hits = [x for x in (water, body[1] if body else None) if x is not None]
             return min(hits, key=lambda x: float((x - eye) @ direction), default=None)
         found = self.particle_at(i, j)
@@ -219,13 +226,13 @@ class Display:
     def ray(self, i: float, j: float) -> tuple[np.ndarray, np.ndarray]:
         """Returns origin [m] and direction of a pixel's ray in the box frame."""
         width, height = self.picture.size
-        return self.view.box_ray(i, j, width, height, self.simulation.size, self.pose.tilt)
+        return self.view.box_ray(i, j, width, height, self.state.plan.size, self.state.now.tilt)
 
     def particle_at(self, i: int, j: int) -> tuple[int, np.ndarray] | None:
         """Returns the nearest visible particle at a pixel (i right, j up), as its index and the
         point of the ray closest to its centre [m]; None if there is no particle."""
         eye, direction = self.ray(i, j)
-        x = self.simulation.particles.numpy("x") - eye
+        x = self.state.particles.numpy("x") - eye
         depth = x @ direction
         aside = np.linalg.norm(x - depth[:, None] * direction, axis=1)
         radius = self.views.radii()
@@ -242,17 +249,12 @@ class Display:
     def _near(self) -> np.ndarray:
         """Returns the horizontal unit vector to the camera, (3,), in the box frame."""
         back = self.camera.axes()[2] * (1.0, 0.0, 1.0)
-        return self.pose.tilt.T @ (back / np.linalg.norm(back))
-
-    def volume(self) -> float:
-        """Returns the volume enclosed by the surface mesh [m^3]; NaN if the mesh overflowed."""
-        mesh = self.extracted()
-        return math.nan if mesh.overflowed() else mesh.volume()
+        return self.state.now.tilt.T @ (back / np.linalg.norm(back))
 
     def extracted(self) -> SurfaceMesh:
         """Extracts and returns the surface, spray included."""
         self.surface = self.surface or self._load_surface()
-        with self.shown.at_frame(self.simulation):
+        with self.state.at_frame():
             self.surface.extract()
         return self.surface.mesh
 

@@ -105,7 +105,7 @@ def picture_error(whole: Show, other: Show) -> str:
     """Describes the mean difference between two shows' images of the first show's particles."""
     other.simulation.restore(whole.simulation.state())
     for show in (whole, other):
-        show.display.draw()
+        show.draw()
     a, b = (show.display.picture.to_numpy_u8().astype(float) for show in (whole, other))
     return f"{np.abs(a - b).mean():.1f} of 255 a pixel"
 

@@ -75,6 +75,8 @@ class GguiWindow:
         self.waiting = self.presses()
         if not self.open or any(ACTIONS.get(key) == "quit" for key in self.waiting):
             raise ClosedError
+        if self.waiting:
+            doing += f"; then: {', '.join(key.strip() or 'space' for key in self.waiting)}"
         self.show(self.start.paint(doing))
 
     @property

@@ -40,19 +40,19 @@ GRAPHS = (
     Graph(
         "solver residual [%]",
         lambda show: [""],
-        lambda show, pace: [100.0 * show.ledger.last_solver_residual()],
+        lambda show, pace: [100.0 * show.now.solver_residual],
         "{:.3f}",
     ),
     Graph(
         "energy [J]",
         lambda show: [""],
-        lambda show, pace: [show.ledger.entries[-1].energy if show.ledger.entries else np.nan],
+        lambda show, pace: [show.now.energy],
         "{:.1f}",
     ),
     Graph(
         "particles",
-        lambda show: [str(k) for k in range(show.simulation.layers.count)],
-        lambda show, pace: [float(n) for n in show.simulation.counts()],
+        lambda show: [str(k) for k in range(show.state.layers.count)],
+        lambda show, pace: [float(n) for n in show.state.counts()],
     ),
 )
 

@@ -36,8 +36,9 @@ class HeadlessPlayer(Audience):
     """Plays for `seconds` [s] of wall-clock time as a window without input does, on a display of
     `fps` frames per second; presenting a frame takes no time.
 
-    walls [s], simulated [s] and scales (-): wall-clock time, simulated time and image scale of each
-    frame. clock, sleep: time.perf_counter and time.sleep, or test doubles.
+    walls [s], simulated [s], scales (-), residuals (-): wall-clock time, simulated time, image
+    scale and solver residual of each frame. parallel: see Pacer. clock, sleep: time.perf_counter
+    and time.sleep, or test doubles.
     """
 
     def __init__(
@@ -46,18 +47,21 @@ class HeadlessPlayer(Audience):
         fps: float,
         clock: Callable[[], float] = time.perf_counter,
         sleep: Callable[[float], None] = time.sleep,
+        parallel: bool = False,
     ):
         self.seconds, self.refresh = seconds, 1.0 / fps
         self.now, self.sleep = clock, sleep
-        self.pacer = Pacer(fps)
+        self.pacer = Pacer(fps, parallel=parallel)
         self.walls: list[float] = []
         self.simulated: list[float] = []
         self.scales: list[float] = []
+        self.residuals: list[float] = []
         self.begin = self.shown = clock()
 
     def wants_more(self, row: Row) -> bool:
         if not self.walls:
             self.begin = self.shown = self.now()
+        row.receive()
         return self.now() - self.begin < self.seconds
 
     def controls(self, row: Row) -> Controls:
@@ -66,6 +70,8 @@ class HeadlessPlayer(Audience):
         return controls
 
     def observe(self, row: Row) -> None:
+        if not row.lead.new:
+            return
         # The display waits for its next refresh.
         self.sleep(max(0.0, self.shown + self.refresh - self.now()))
         now = self.now()
@@ -74,3 +80,4 @@ class HeadlessPlayer(Audience):
         self.pacer.observe(row, wall, 0.0)
         self.walls.append(wall)
         self.simulated.append(row.lead.simulated)
+        self.residuals.append(row.lead.now.solver_residual)

@@ -1,16 +1,13 @@
 """Files saved by a key in the window: images, clips, and checkpoints that can be reopened."""
 
-import contextlib
 import time
 from concurrent.futures import Future
 from pathlib import Path
 
 import imageio.v2 as imageio
-import numpy as np
 
 from msph.errors import LostOutputError
 from msph.own_files import SCENE_SUFFIX, free_stem, replace, replacing
-from msph.scene.errors import SceneError
 from msph.scene.load import to_toml
 from msph.scene.schema import Scene
 from msph.stage.clip import Clip
@@ -38,7 +35,7 @@ class Saver:
         single = len(row.shows) == 1 or action in ("picture", "clip")
         try:
             message = getattr(self, f"_{action}")(row) if single else SINGLE
-        except (LostOutputError, SceneError, OSError) as error:
+        except (LostOutputError, OSError) as error:
             message = str(error)
         if message:
             self.layout.show_message(message)
@@ -77,21 +74,16 @@ class Saver:
 
     def _keep(self, row: Row) -> str:
         """Saves a checkpoint."""
-        path, state = self._path(".npz", row.lead.scene), row.lead.simulation.state()
-        with replacing(path) as new:
-            np.savez_compressed(new, **state)  # type: ignore[arg-type]
-        return f"{path}; o opens it"
+        row.lead.keep(self._path(".npz", row.lead.scene))
+        return ""
 
     def _reopen(self, row: Row) -> str:
-        """Loads the newest checkpoint of this scene and quality. Raises SceneError if none fits."""
+        """Loads the newest checkpoint of this scene and quality."""
         found = self.folder.glob(f"{self.scene}_*.npz")
-        for path in sorted(found, key=lambda p: p.stat().st_mtime, reverse=True):
-            # A checkpoint of another quality has other layers.
-            with contextlib.suppress(SceneError):
-                row.lead.resume(path)
-                return f"{path}, time {row.lead.simulation.time:.2f} s"
-        problem = f"no checkpoint of {self.scene} at quality {self.quality}; k saves one"
-        raise SceneError(str(self.folder), problem)
+        newest = sorted(found, key=lambda p: p.stat().st_mtime, reverse=True)
+        nothing = f"no checkpoint of {self.scene} at quality {self.quality}; k saves one"
+        row.lead.reopen(newest, nothing)
+        return ""
 
     def _path(self, suffix: str, scene: Scene) -> Path:
         """Returns an unused file name, and writes the scene next to it."""

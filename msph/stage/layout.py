@@ -152,7 +152,7 @@ class Layout:
     def _put_particle(self, row: Row, now: float) -> None:
         """Shows the values of the picked particle and the legend of its arrows."""
         show = show_with_picked(row)
-        if show is None:
+        if show is None or not show.display.views.neighbourhood.find():
             self.overlay.hide("particle")
             return
         picked = show.display.views.neighbourhood

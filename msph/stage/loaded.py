@@ -41,10 +41,7 @@ def at(scene: Scene, name: str, run: RunOptions) -> Loaded:
     """Starts Taichi and returns the scene at the quality of the options."""
     arch, quality = start(run.arch, run.threads), run.quality
     if quality == AUTO:
-        found = finest_in_real_time(scene, name)
-        quality = found.quality
-        if found.row:
-            found.row.close()
+        quality = finest_in_real_time(scene, name)
     return Loaded(at_quality(scene, quality, name), name, quality, arch, run.overrides)
 
 

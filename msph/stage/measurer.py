@@ -121,7 +121,7 @@ class Measurer:
         water = Snapshot.of(show.simulation) if due or self.probes else None
         row = last.row()
         if water and due:
-            volume = show.display.volume()
+            volume = show.volume()
             self.surveys.append(survey(last.time, volume, water, show.display.surface.shortfall()))
             row += self.surveys[-1].row()
         elif self.gap:

@@ -92,6 +92,10 @@ class Menu:
         """Sets a live parameter of all simulations in the next frame, None for its initial value;
         speed and image scale are also passed to the pacer."""
         self.changes[key] = value
+        for show in self.row.shows:
+            if show.parallel:
+                # At once, so that sliders follow while the simulation has not answered.
+                show.set(key, value)
         value = read(self.row.lead.initial, key) if value is None else value
         if key == "play.speed":
             self.pacer.set_speed(value)

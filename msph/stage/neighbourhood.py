@@ -9,9 +9,8 @@ from msph.device_table import DeviceTable, f32
 from msph.fluid.particles import kernels
 from msph.fluid.particles.layers import MAX_LAYERS
 from msph.fluid.particles.neighbour_list import LIST_FORMS
-from msph.fluid.simulation import Simulation
-from msph.fluid.world import World
 from msph.launches import data_oriented, kernel
+from msph.state import State
 
 # Displayed radius over the particle's, of non-neighbours and of neighbours with weight 0; both are
 # small, so that neighbours with larger weights stay visible.
@@ -24,8 +23,8 @@ SMOOTHING = 0.8
 class NeighbourWeights:
     """Kernel weights of one particle at all others."""
 
-    def __init__(self, world: World):
-        self.particles, self.layers = world.parts.particles, world.parts.layers
+    def __init__(self, state: State):
+        self.particles, self.layers = state.particles, state.layers
         self._pairs = DeviceTable((MAX_LAYERS, MAX_LAYERS), reach=f32)  # [m]
         self.reach, self.load = self._pairs.reach, self._pairs.fill
 
@@ -57,11 +56,11 @@ class NeighbourWeights:
 class Neighbourhood:
     """The picked particle. id: its identity, None if no particle is picked."""
 
-    def __init__(self, simulation: Simulation):
-        self.simulation = simulation
-        self.particles, self.layers = simulation.particles, simulation.layers
-        solver, h = simulation.solver, np.array([s.support for s in self.layers.specs])
-        reach: Any = LIST_FORMS[solver.list_form(solver.parameters)]
+    def __init__(self, state: State):
+        self.state = state
+        self.particles, self.layers = state.particles, state.layers
+        h = np.array([s.support for s in self.layers.specs])
+        reach: Any = LIST_FORMS[state.plan.list_form]
         self.reaches = reach(h[:, None], h[None])  # [m], by the layers of a pair
         self.id: int | None = None
         self.before: Any = None  # time [s] and velocity [m/s] in the previous frame
@@ -72,7 +71,7 @@ class Neighbourhood:
         """Picks the particle with this index, or no particle."""
         self.id = None
         if index is not None:
-            self.simulation.world.build_once(NeighbourWeights).load(reach=self.reaches)
+            self.state.build_once(NeighbourWeights).load(reach=self.reaches)
             self.id = int(self.particles.numpy("id")[index])
         self.before = self.acceleration = None
 
@@ -91,7 +90,7 @@ class Neighbourhood:
         """Updates the particle's smoothed acceleration after a frame."""
         if not self.find():
             return
-        time = self.simulation.time
+        time = self.state.now.time
         velocity = self.particles.numpy("v")[self.index].astype(float)
         if self.before is not None and time > self.before[0]:
             now = (velocity - self.before[1]) / (time - self.before[0])
@@ -101,27 +100,25 @@ class Neighbourhood:
 
     def weigh(self, value: ti.Field, radius: ti.Field) -> None:
         """Computes the weights (n,) and scales the radii (n,) [m]; see NeighbourWeights."""
-        weights = self.simulation.world.build_once(NeighbourWeights)
-        classic = self.simulation.solver.NAME == "classic"
+        weights = self.state.build_once(NeighbourWeights)
+        classic = self.state.plan.method.NAME == "classic"
         weights.weigh(self.index, self.particles.count, classic, value, radius)
 
     def facts(self) -> list[str]:
         """Returns lines with the particle's values, its density summed at the current positions.
         Mirror images count as no neighbours. Requires find() to have returned True."""
-        self.simulation.measure_density()
-        # measure_density() sorts the particles.
-        self.find()
         i, p = self.index, self.particles
         layer = int(p.numpy("layer")[i])
         x, layers = p.numpy("x"), p.numpy("layer")
         near = int((np.linalg.norm(x - x[i], axis=1) < self.reaches[layer, layers]).sum()) - 1
         h, rest = 1e3 * self.reaches[layer, layer], self.layers.finest.density
-        lines = [
-            f"particle {self.id}, layer {layer}: {near} neighbours within {h:.3g} mm",
-            f"density {100.0 * (p.numpy('density')[i] / rest - 1.0):+.2f} %, "
-            f"pressure {p.numpy('pressure')[i]:.0f} Pa, "
-            f"speed {np.linalg.norm(p.numpy('v')[i]):.2f} m/s",
-        ]
+        lines = [f"particle {self.id}, layer {layer}: {near} neighbours within {h:.3g} mm"]
+        if self.state.now.picked:
+            density, pressure = self.state.now.picked
+            lines.append(
+                f"density {100.0 * (density / rest - 1.0):+.2f} %, pressure {pressure:.0f} Pa, "
+                f"speed {np.linalg.norm(p.numpy('v')[i]):.2f} m/s"
+            )
         if self.acceleration is not None:
             lines.append(f"total acceleration {np.linalg.norm(self.acceleration):.2f} m/s^2")
         return lines

@@ -39,13 +39,16 @@ class Pacer:
     """Controls frame time and image scale.
 
     fps: requested frames per second. speed (-): requested simulated over wall-clock time. scale
-    (-): image scale, at most `finest`. last [s]: duration of the last frame. Smoothed: wall [s],
+    (-): image scale, at most `finest`. parallel: the fluid runs while images are drawn.
+    last [s]: duration of the last frame. Smoothed: wall [s],
     duration of a frame; fluid, image, rest [s], time of its parts; simulated [s].
     """
 
-    def __init__(self, fps: float, speed: float = 1.0, finest: float = SCALES[0]):
+    def __init__(
+        self, fps: float, speed: float = 1.0, finest: float = SCALES[0], parallel: bool = False
+    ):
         self.fps, self.speed, self.scale = fps, speed, SCALES[0]
-        self.finest = finest
+        self.finest, self.parallel = finest, parallel
         self.wall = self.last = 1.0 / fps
         self.simulated = speed * self.wall
         self.fluid = self.image = self.rest = 0.0
@@ -65,6 +68,8 @@ class Pacer:
     @property
     def budget(self) -> float:
         """Limit of the fluid's wall-clock time in the next frame [s]."""
+        if self.parallel:
+            return LONGEST_FRAME
         return max(LONGEST_FRAME - self.image - self.rest, LEAST_FLUID * LONGEST_FRAME)
 
     @property
@@ -114,6 +119,8 @@ class Pacer:
     def _affordable(self) -> float:
         """Returns the largest image scale at the highest frame rate that the machine sustains."""
         per_second = self.speed * self.fluid / max(self.simulated, 1e-9)
+        if self.parallel and per_second < PLANNED:
+            per_second = 0.0
         for rate in RATES:
             room = (PLANNED - per_second) / (rate * self.fps) - self.rest
             for scale in (min(s, self.finest) for s in SCALES):

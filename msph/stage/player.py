@@ -47,14 +47,13 @@ class Player(Audience):
         self.has_toolbar = guide is None
         lead, play = row.lead, row.lead.scene.play
         self.layout, self.clip = layout, Clip()
-        self.pacer = Pacer(play.fps, play.speed, play.scale)
+        self.pacer = Pacer(play.fps, play.speed, play.scale, lead.parallel)
         layout.begin(choice.quality_now)
         self.menu = Menu(row, choice, layout, self.pacer, arguments)
         self.steering, self.toolbar = Steering(window, row), Toolbar(layout)
         self.saver = Saver(layout, self.clip, Path(choice.scene).stem, choice.quality_now)
-        sim = lead.simulation
-        centre = sim.particles.numpy("x").mean(axis=0)[None]
-        depth = mean_depth(lead.scene.gravity, sim.plan, centre)
+        plan = lead.state.plan
+        depth = mean_depth(lead.scene.gravity, plan, plan.initial["x"].mean(axis=0)[None])
         self.idle = Idle(lead.scene, depth)
         if guide:
             # A lesson gives its own hints, and only the user moves the pool.
@@ -65,7 +64,7 @@ class Player(Audience):
             lead.display.camera = self._framing()
         self.runs = self.guide.runs
         self.offer: LostSession | None = None  # offered to the user
-        self.paused = self.single_step = self.done = self.helping = False
+        self.paused = self.single_step = self.done = self.helping = self.begins_anew = False
         self.clock: float | None = None  # time at which the last frame was presented [s]
         self.present = math.inf  # time to present a frame, without the wait for the display [s]
 
@@ -75,11 +74,11 @@ class Player(Audience):
         return self.menu.next if self.window.open and not self.done else None
 
     def wants_more(self, row: Row) -> bool:
+        row.receive()
         return self.window.open and not (self.done or self.menu.settled)
 
     def controls(self, row: Row) -> Controls:
         controls, steering, guide = Controls(), self.steering, self.guide
-        self.single_step = False
         pressed = self.window.presses()
         steering.read_cursor()
         for key in pressed:
@@ -98,10 +97,13 @@ class Player(Audience):
         held = not guide.pauses and steering.apply_keys(step, wall, self.paused)
         dragged = self._drag(controls, step, "LMB" in pressed)
         self.idle.pass_time(wall, bool(pressed or held or dragged or steering.moved.any()))
-        sway = self.idle.roll(row.lead.simulation.time, 0.0 if self._paused else step)
+        sway = self.idle.roll(row.lead.now.time, 0.0 if self._paused else step)
         controls.tilt = (float(steering.tilt[0]) + steering.jolt + sway, float(steering.tilt[1]))
         controls.azimuth = row.lead.display.camera.azimuth
-        controls.set = self.menu.take_changes()
+        if not row.busy:
+            # What waits for an answer of the simulation is given now.
+            controls.set, controls.reset = self.menu.take_changes(), self.begins_anew
+            self.single_step = self.begins_anew = False
         return controls
 
     @property
@@ -155,8 +157,10 @@ class Player(Audience):
         if action == "quit" and self.helping:
             action = "help"
         act = getattr(self, f"_{action}", None)
-        if action in ("reset", "next_view"):
-            setattr(controls, action, True)
+        if action == "next_view":
+            controls.next_view = True
+        elif action == "reset":
+            self.begins_anew = True
         elif action == "single_step":
             self.single_step = True
         elif action in SAVING:
@@ -250,6 +254,8 @@ class Player(Audience):
         self.window.show(image)
         now = time.perf_counter()
         self.present = min(PRESENT_GROWTH * self.present, now - begin)
+        if not row.lead.new:
+            return
         if self.clock is not None and not self._paused:
             self.pacer.observe(row, now - self.clock, self.present)
         self.clock = now
@@ -263,14 +269,14 @@ class Player(Audience):
         # Arrows would cover the pages.
         if show is None or self.helping or self.layout.panel:
             return
-        picked, sim = show.display.views.neighbourhood, show.simulation
-        gravity = show.pose.tilt.T @ np.array(show.scene.gravity)
-        place, length = picked.place(), ARROW / 10.0 * max(sim.size)
+        picked, size = show.display.views.neighbourhood, show.scene.box.size
+        gravity = show.now.tilt.T @ np.array(show.scene.gravity)
+        place, length = picked.place(), ARROW / 10.0 * max(size)
         ends = [(place, place + length * a) for a in picked.arrows(gravity).values()]
         if ends:
             flat = np.array(ends).reshape(-1, 3)
-            size = show.display.picture.width, show.display.picture.height
-            places = self.row.to_window(
-                show, show.display.view.project(flat, *size, sim.size, show.pose.tilt)
+            places = show.display.view.project(
+                flat, *show.display.picture.size, size, show.now.tilt
             )
+            places = self.row.to_window(show, places)
             self.window.arrows(places.reshape(-1, 2, 2))

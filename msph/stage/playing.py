@@ -1,5 +1,6 @@
 """Implementation of `msph play`."""
 
+import contextlib
 import shlex
 from dataclasses import replace
 
@@ -10,6 +11,8 @@ from msph.interrupts import importing
 from msph.options import PlayOptions, RunOptions
 from msph.own_files import claim
 from msph.stage.called import SceneArguments
+from msph.stage.lost_display import completing
+from msph.stage.process import start_simulations
 from msph.stage.recording import with_recording
 from msph.stage.window import ClosedError, NoWindowError, check_display
 
@@ -34,29 +37,34 @@ def play(scene: str | None, options: PlayOptions, run: RunOptions) -> None:
             raise click.UsageError(f"--beside {text}: {error}") from None
     arguments = SceneArguments(scene, run.overrides, options.beside)
     first = next(iter(arguments.scenes_of(scene).values()))
-    try:
-        check_display()
-        start(run.arch, run.threads)
-        with importing():
-            from msph.stage.controls import KEYS
-            from msph.stage.ggui_window import GguiWindow
-        window = GguiWindow(first.title or scene, options.size)
-    except NoWindowError as reason:
-        with importing():
-            from msph.stage.commands import capture_instead
-        capture_instead(scene, options, run, str(reason))
-        return
-    except ClosedError:
-        return
-    try:
+    with contextlib.ExitStack() as ends:
+        try:
+            check_display()
+            # The other process imports its libraries while this one opens the window.
+            process, connection = start_simulations(run.arch, run.threads)
+            ends.callback(process.kill)
+            ends.enter_context(completing(process.kill))
+            start(run.arch, run.threads)
+            with importing():
+                from msph.stage.controls import KEYS
+                from msph.stage.ggui_window import GguiWindow
+            window = GguiWindow(first.title or scene, options.size)
+        except NoWindowError as reason:
+            ends.close()
+            with importing():
+                from msph.stage.commands import capture_instead
+            capture_instead(scene, options, run, str(reason))
+            return
+        except ClosedError:
+            return
+        ends.callback(window.close)
         for key in KEYS:
             click.echo(f"  {key.label:18} {key.effect}")
         # Imported after the window has opened.
         with importing():
+            from msph.stage.remote import Remote
             from msph.stage.session import InputFiles, Session
         files = InputFiles(options.record_input, recording)
-        Session(window, arguments, options.frames, files).play(scene, run.quality)
-    except ClosedError:
-        pass
-    finally:
-        window.close()
+        session = Session(window, Remote(process, connection), arguments, options.frames, files)
+        with contextlib.suppress(ClosedError):
+            session.play(scene, run.quality)

@@ -2,6 +2,7 @@
 
 import contextlib
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from typing import Protocol
@@ -17,6 +18,9 @@ from msph.scene.schema import Scene
 from msph.stage.row import KEPT_FRAMES, Row, width_of_each
 from msph.stage.show import INTERACTIVE, Show
 
+# The default lock is a semaphore of the system, which a killed process would leave behind.
+tqdm.set_lock(threading.RLock())
+
 
 class Report(Protocol):
     """Function that displays a progress message; messages that follow another closely may be
@@ -30,28 +34,41 @@ def say(text: str) -> None:
     tqdm.write(text, file=sys.stderr)
 
 
-def prepare(
+def prepare(scene: Scene, frame_time: float, *more, **options) -> Show:
+    """Builds a show; see built()."""
+    begin = time.perf_counter()
+    show = built(scene, frame_time, *more, **options)
+    say(f"ready in {time.perf_counter() - begin:.1f} s, {described(show)}")
+    return show
+
+
+def built(
     scene: Scene,
     frame_time: float,
     size: tuple[int, int] | None = None,
     report: Report | None = None,
+    whole: bool = False,
     **options,
 ) -> Show:
-    """Builds a show with its options, and compiles its kernels."""
-    begin = time.perf_counter()
+    """Builds a show with its options, and compiles its kernels; without `whole`, some of them in
+    later frames."""
     if report:
         report("building the scene", important=True)
     for caution in (*cautions(scene), *effort(scene)):
         say(f"warning: {caution}")
     with compiling(report):
         show = Show(scene, frame_time, size, **options)
-        show.warm_up(first_image=True)
-    ready = f"ready in {time.perf_counter() - begin:.1f} s, {sum(show.counts):,} particles, "
-    ready += mass_text(water_mass(scene, show.simulation))
-    if show.simulation.left_out:
-        ready += f"; {show.simulation.left_out:,} inside bodies or outside the container omitted"
-    say(ready)
+        show.warm_up(first_image=not whole)
     return show
+
+
+def described(show: Show) -> str:
+    """Describes the water of a new show."""
+    text = f"{sum(show.counts):,} particles, {mass_text(water_mass(show.scene, show.simulation))}"
+    left_out = show.simulation.left_out
+    return text + (
+        f"; {left_out:,} inside bodies or outside the container omitted" if left_out else ""
+    )
 
 
 def prepare_row(

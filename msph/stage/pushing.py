@@ -38,7 +38,7 @@ class Contact:
             self.holds, self.held = hit is not None, 0.0
         if not self.holds:
             return None
-        axis = show.pose.tilt.T @ -show.display.camera.axes()[2]
+        axis = show.now.tilt.T @ -show.display.camera.axes()[2]
         before = self.place
         self.place = eye + (before - eye) @ axis / (direction @ axis) * direction
         velocity = (self.place - before) / step

@@ -1,6 +1,7 @@
 """Row: one or several simulations side by side in one image, as the frame loop runs them."""
 
 import gc
+import time
 from copy import copy
 from dataclasses import replace
 from typing import Any
@@ -14,7 +15,6 @@ from msph.picture.overlay import Overlay
 from msph.picture.pixels import Image, as_u8
 from msph.stage import pages
 from msph.stage.controls import Controls
-from msph.stage.show import Show
 
 # Gap between two images [pixels], and its colour.
 GAP, GROUND = 2, (0.04, 0.08, 0.12)
@@ -23,6 +23,10 @@ GAP, GROUND = 2, (0.04, 0.08, 0.12)
 LABEL_HEIGHT, TOP, EVERY = 5.0, 2.6, 40
 # Number of frames for the median time on a label.
 KEPT_FRAMES = 60
+# Time [s] for which a window waits for its simulations before it shows the last image again.
+PATIENCE = 0.05
+# Time [s] from which a wait for the simulations is shown.
+LATE = 0.3
 
 
 def width_of_each(number: int, width: int) -> int:
@@ -41,7 +45,7 @@ class Row:
 
     def __init__(
         self,
-        shows: list[Show],
+        shows: list[Any],
         labels: list[str] | None = None,
         size: tuple[int, int] | None = None,
         below: int = 0,
@@ -49,14 +53,12 @@ class Row:
         self.shows, self.labels, self.below = shows, labels or [""] * len(shows), below
         self.updates = 0
         # Initial camera distance of each show [m], at which the whole box is visible.
-        self.homes = [
-            show.display.camera.distance if show.display.picture else 1.0 for show in shows
-        ]
+        self.homes = [show.display.camera.distance if show.size else 1.0 for show in shows]
         self.common: Image | None = None
         if size:
             self._compose(size)
-        elif self.lead.display.picture:
-            self.size = self.lead.display.picture.size
+        elif self.lead.size:
+            self.size = self.lead.size
 
     def _compose(self, size: tuple[int, int]) -> None:
         """Allocates the common image and its labels."""
@@ -77,14 +79,33 @@ class Row:
         return self.common is not None
 
     @property
-    def lead(self) -> Show:
+    def lead(self) -> Any:
         """The show that the user controls."""
         return self.shows[0]
 
     @property
     def picture(self) -> Any:
         """The row itself as a picture (image, scale, draw), None without images."""
-        return self if self.lead.display.picture else None
+        return self if self.lead.size else None
+
+    @property
+    def busy(self) -> bool:
+        """True while simulations in another process have not answered the last input: further
+        input for them waits."""
+        return self.lead.busy
+
+    @property
+    def waiting(self) -> str:
+        """Message about a long wait for simulations in another process, "" without one."""
+        if not self.busy or (waited := time.perf_counter() - self.lead.remote.since) < LATE:
+            return ""
+        doing = self.lead.remote.doing
+        return f"waiting for the simulation, {doing and f'{doing}, '}{waited:.1f} s"
+
+    def receive(self, patience: float = PATIENCE) -> None:
+        """Waits at most `patience` [s] for simulations in another process."""
+        if self.lead.parallel:
+            self.lead.remote.receive(patience)
 
     def close(self) -> None:
         """Frees the memory of all simulations, which cannot be used afterwards."""
@@ -108,18 +129,18 @@ class Row:
         if not controls.hidden:
             self.draw_together()
 
-    def _match_view(self, show: Show, home: float) -> None:
+    def _match_view(self, show: Any, home: float) -> None:
         """Sets the lead's camera, slice and view for another show."""
         show.display.camera = self._matching_camera(show, home)
         lead, views = self.lead.display.views, show.display.views
         views.cut = None if lead.cut is None else views.cut
         views.name = lead.name if lead.name in views.names else "water"
 
-    def _matching_camera(self, show: Show, home: float) -> Camera:
+    def _matching_camera(self, show: Any, home: float) -> Camera:
         """Returns the lead's camera, at a distance scaled to the show's box."""
         lead, camera = self.lead.display.camera, copy(self.lead.display.camera)
         scale = home / self.homes[0]
-        camera.home = np.array(show.simulation.size) / 2
+        camera.home = np.array(show.scene.box.size) / 2
         camera.target = camera.home + scale * (lead.target - lead.home)
         camera.distance = scale * lead.distance
         return camera
@@ -139,7 +160,7 @@ class Row:
             self.updates += 1
             self.overlay.draw(self.image)
 
-    def _put_label(self, k: int, show: Show) -> None:
+    def _put_label(self, k: int, show: Any) -> None:
         """Paints the label of a show: name, speed and error."""
         texts = [(self.labels[k], pages.INK), *((t, pages.FAINT) for t in speed_and_error(show))]
         page = pages.lines(texts, self.text)
@@ -151,7 +172,7 @@ class Row:
         for i, j in ti.ndrange(width, height):
             self.common.field[left + i, low + j] = field[i, j]  # type: ignore[union-attr]
 
-    def show_under(self, cursor: np.ndarray) -> tuple[Show, np.ndarray]:
+    def show_under(self, cursor: np.ndarray) -> tuple[Any, np.ndarray]:
         """Returns the show at a cursor (right, up in shares of the window), and the cursor in
         shares of the show's image."""
         pitch = self.lead.display.picture.width + GAP
@@ -159,13 +180,13 @@ class Row:
         k = int(np.clip(place[0] // pitch, 0, len(self.shows) - 1))
         return self.shows[k], self.to_picture(self.shows[k], cursor)
 
-    def to_picture(self, show: Show, cursor: np.ndarray) -> np.ndarray:
+    def to_picture(self, show: Any, cursor: np.ndarray) -> np.ndarray:
         """Converts a cursor from shares of the window to shares of a show's image."""
         left = self.shows.index(show) * (show.display.picture.width + GAP)
         pixels = cursor * self.size - (left, self.below)
         return pixels / (show.display.picture.width, show.display.picture.height)
 
-    def to_window(self, show: Show, shares: np.ndarray) -> np.ndarray:
+    def to_window(self, show: Any, shares: np.ndarray) -> np.ndarray:
         """Converts positions (n, 2) from shares of a show's image to shares of the window."""
         left = self.shows.index(show) * (show.display.picture.width + GAP)
         pixels = shares * (show.display.picture.width, show.display.picture.height) + (
@@ -186,7 +207,7 @@ class Row:
 
     def draw(self) -> None:
         for show in self.shows:
-            show.display.draw()
+            show.draw()
         self.draw_together()
 
     @property
@@ -203,17 +224,17 @@ class Row:
         return as_u8(self.image)[: self.size[1] - self.below]
 
 
-def show_with_picked(row: Row) -> Show | None:
+def show_with_picked(row: Row) -> Any:
     """Returns the show with a picked particle in a particle view, if any."""
     visible = (s for s in row.shows if s.display.views.name != "water")
     return next((s for s in visible if s.display.views.neighbourhood.id is not None), None)
 
 
-def speed_and_error(show: Show) -> list[str]:
+def speed_and_error(show: Any) -> list[str]:
     """Returns label lines: number of particles, fluid time per frame, bulk density error."""
     frames = show.timings.frames if show.timings else []
     fluid = [frame["fluid"] for frame in frames if "fluid" in frame]
-    lines = [f"{sum(show.simulation.counts()):,} particles"]
+    lines = [f"{show.state.particles.count:,} particles"]
     if fluid:
         lines[0] += f", {1e3 * float(np.median(fluid)):.1f} ms"
     error = show.bulk_density_error()

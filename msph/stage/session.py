@@ -5,17 +5,18 @@ from pathlib import Path
 
 from msph.errors import MsphError
 from msph.options import AS_GIVEN, AUTO, QUALITIES
-from msph.scene.errors import SceneError
 from msph.scene.quality import at_quality
-from msph.stage.autosave import Autosave, Autosaver, lost_session
+from msph.scene.schema import Scene
+from msph.stage.autosave import Autosave, lost_session
 from msph.stage.called import Choice, SceneArguments
 from msph.stage.layout import Layout
-from msph.stage.loop import Audience, run
+from msph.stage.link import Files, Order
+from msph.stage.loop import run
 from msph.stage.lost_display import completing
 from msph.stage.player import Player
-from msph.stage.preparation import prepare_row, say
+from msph.stage.preparation import Report, say
 from msph.stage.recording import Header, Recording
-from msph.stage.replaying import InputRecorder, Replayer
+from msph.stage.remote import Remote
 from msph.stage.row import Row
 from msph.stage.trial import finest_in_real_time, forget
 from msph.stage.window import Window
@@ -38,11 +39,13 @@ class Session:
     def __init__(
         self,
         window: Window,
+        remote: Remote,
         arguments: SceneArguments,
         frames: int | None = None,
         files: InputFiles | None = None,
     ):
-        self.window, self.arguments, self.frames = window, arguments, frames
+        self.window, self.remote = window, remote
+        self.arguments, self.frames = arguments, frames
         self.layout = Layout(window.size)
         self.message = ""  # shown when the next scene begins
         self.files, self.autosave = files or InputFiles(), Autosave(arguments)
@@ -54,7 +57,8 @@ class Session:
         be built. Raises ClosedError if the window is closed during preparation."""
         before: Choice | None = None
         choice: Choice | None = Choice(scene, quality)
-        with self.autosave:
+        # The simulations end before the file of the session is removed.
+        with self.autosave, self.remote:
             while choice:
                 try:
                     row, choice = self._build(choice)
@@ -72,32 +76,64 @@ class Session:
 
     def _build(self, choice: Choice) -> tuple[Row, Choice]:
         """Returns the simulations of a choice, and the choice with their quality."""
-        scenes, quality, row = self.arguments.scenes_of(choice.scene), choice.quality, None
+        scenes, quality = self.arguments.scenes_of(choice.scene), choice.quality
         first = next(iter(scenes.values()))
         self.window.begin(first.title or choice.scene)
         if quality == AUTO and len(scenes) > 1:
             # Scenes are compared at their own resolution.
             quality = AS_GIVEN
         elif quality == AUTO:
-            found = finest_in_real_time(first, choice.scene, self.window)
-            quality, row = found.quality, found.row
-        if not row:
-            tried = [at_quality(scene, quality, choice.scene) for scene in scenes.values()]
-            row = prepare_row(tried, list(scenes), self.window.size, self.window.report)
-        return row, replace(choice, found=quality)
+            quality = self._find_quality(first, choice)
+        choice = replace(choice, found=quality)
+        tried = [at_quality(scene, quality, choice.scene) for scene in scenes.values()]
+        files, self.files = self._files_of(choice), InputFiles()
+        return self._order(tried, list(scenes), choice, files, self.window.report), choice
+
+    def _find_quality(self, scene: Scene, choice: Choice) -> str:
+        """Returns the finest quality in real time."""
+
+        def build(tried: Scene, report: Report | None) -> Row:
+            return self._order([tried], [""], choice, Files(), report, whole=True)
+
+        return finest_in_real_time(scene, choice.scene, self.window, build)
+
+    def _order(
+        self,
+        scenes: list[Scene],
+        labels: list[str],
+        choice: Choice,
+        files: Files,
+        report: Report | None,
+        whole: bool = False,
+    ) -> Row:
+        """Returns simulations with their images."""
+        order = Order(scenes, labels, choice, self.arguments, files, whole)
+        return self.remote.row(order, self.window.size, report)
+
+    def _files_of(self, choice: Choice) -> Files:
+        """Returns the files of a choice: recording and replay are those of the first scene."""
+        header, given = None, self.files
+        if given.record:
+            more = self.arguments.overrides, self.arguments.beside
+            header = Header.of(choice.scene, choice.quality_now, *more)
+        return Files(
+            autosave=self.autosave.path,
+            began=self.autosave.began,
+            record=given.record,
+            header=header,
+            replay=given.replay,
+            resume=choice.resume,
+        )
 
     def _play(self, row: Row, choice: Choice) -> Choice | None:
         """Plays until the window is closed or another scene is chosen; returns the choice."""
         player = Player(self.window, row, choice, self.layout, self.arguments)
         player.offer, self.lost = self.lost, None
-        if choice.resume:
-            self._resume(row, choice.resume)
         if self.message:
             self.layout.show_message(self.message)
             self.message = ""
-        audience = self._with_files(player, row, choice)
-        with completing(audience.close):
-            run(row, audience, self.frames)
+        with completing(player.close):
+            run(row, player, self.frames)
         for show in row.shows:
             for warning in show.warnings():
                 say(f"warning: {warning}")
@@ -105,25 +141,3 @@ class Session:
         if finer and player.pacer.longest_slow > SLOW:
             forget(next(iter(self.arguments.scenes_of(choice.scene).values())), self.window)
         return player.next_choice
-
-    def _resume(self, row: Row, path: Path) -> None:
-        """Continues the state of a lost session, whose file becomes the file of this session."""
-        try:
-            row.lead.resume(path)
-            path.replace(self.autosave.path)
-        except (SceneError, OSError) as error:
-            self.message = f"{path.name}: {error}"
-
-    def _with_files(self, player: Player, row: Row, choice: Choice) -> Audience:
-        """Returns the player with the recording, replay and autosave of its input."""
-        files, self.files = self.files, InputFiles()
-        audience: Audience = player
-        if files.replay:
-            files.replay.check(row.lead.scene)
-            audience = Replayer(audience, files.replay, in_window=True)
-        if files.record:
-            more = self.arguments.overrides, self.arguments.beside
-            header = Header.of(choice.scene, choice.quality_now, *more)
-            audience = InputRecorder(audience, files.record, header)
-        # Simulations side by side, restored one by one, would no longer be in step.
-        return audience if row.composed else Autosaver(audience, self.autosave, choice)

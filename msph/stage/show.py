@@ -1,36 +1,39 @@
 """Show: simulation, display and ledger of one scene, advanced frame by frame."""
 
+import contextlib
 import math
 from collections.abc import Callable
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
+from msph.errors import MsphError
 from msph.fluid.boundary.rigid_bodies import Body
-from msph.fluid.boundary.rim import AllSpiltError
 from msph.fluid.external_forces import Hand, Vec3
 from msph.fluid.moving_box import MovingBox
 from msph.fluid.simulation import FullError
 from msph.fluid.stages import Stage, no_stage
-from msph.fluid.trapped_water import TrappedWaterError
 from msph.measure.bulk import bulk_density
 from msph.measure.ledger import Ledger
 from msph.measure.past import read_state
 from msph.measure.snapshot import Snapshot
 from msph.measure.timings import Timings
+from msph.own_files import replacing
 from msph.scene.build import build_simulation
 from msph.scene.errors import SceneError
-from msph.scene.live import live_parameters, read, with_live_value
-from msph.scene.parts import value_of, with_value
 from msph.scene.schema import Scene
 from msph.stage import pistons
+from msph.stage.advance import advance
 from msph.stage.controls import Controls, Inputs
 from msph.stage.display import Display
 from msph.stage.pose import Pose
+from msph.stage.shown_scene import ShownScene
 from msph.stage.tools import BY_NAME, ToolUse, Touch
+from msph.state import Moment, State, state_of
+from msph.surface import SurfaceMesh
 
 # Key of a checkpoint for the description of a session in a window (autosave.About).
 SESSION = "session"
@@ -43,18 +46,19 @@ LEAST_GRAVITY = 1.0
 # Options of an interactive show: those on which the simulation depends, and all options. Solver
 # residuals are measured only every 0.1 s, since they need a neighbour search.
 SIMULATED: dict[str, Any] = {"stop_bodies": True, "free_steps": True, "spare": 2000}
-INTERACTIVE: dict[str, Any] = {**SIMULATED, "scalable": True, "density_every": 0.1}
+INTERACTIVE: dict[str, Any] = {**SIMULATED, "interactive": True, "density_every": 0.1}
 
 
-class Show:
+class Show(ShownScene):
     """Simulation with display and ledger, advanced frame by frame.
 
     frame_time [s]: default simulated time of a frame. size, meshes: see Display. density_every [s]:
     see Ledger. stop_bodies: instead of an error, a body that traps water stops, and the scene
-    begins again when all water is spilt; stopped: names of stopped bodies. scalable: frames may set
-    the image scale. free_steps: steps need not end with frames, unless the user turns the box or
-    moves a wall, whose motion is given by frame. simulated [s]: time simulated by the last frame.
-    spare, room: see build_simulation. Unused parts are neither allocated nor compiled.
+    begins again when all water is spilt; stopped: names of stopped bodies. interactive: frames
+    may set the image scale, and compile kernels that the first image does not need. free_steps:
+    steps need not end with frames, unless the user turns the box or moves a wall, whose motion is
+    given by frame. simulated [s]: time simulated by the last frame. spare, room: see
+    build_simulation. Unused parts are neither allocated nor compiled.
     """
 
     def __init__(
@@ -67,26 +71,31 @@ class Show:
         clock: Callable[[], float] = perf_counter,
         density_every: float = 0.0,
         stop_bodies: bool = False,
-        scalable: bool = False,
+        interactive: bool = False,
         free_steps: bool = False,
         spare: int = 0,
         room: int = 0,
     ):
-        self.scene = self.initial = scene
-        # Keys of the live parameters; a viscosity set to 0 remains live.
-        self.live = {live.key for live in live_parameters(scene)}
+        super().__init__(scene)
         self.frame_time = frame_time
         self.timings = timings
+        # Timers of the stages of a frame, and of the parts of a step.
+        self._stage: Stage = no_stage
+        self.substage: Stage = no_stage
+        if timings:
+            self._stage, self.substage = timings.stage, timings.substage
         self.clock = clock
         self.simulated = 0.0
         # Called after each step with the completed share (0 to 1) of its frame.
         self.on_progress: Callable[[float], None] | None = None
-        self.stop_bodies, self.scalable = stop_bodies, scalable and size is not None
+        self.size, self.meshes = size, meshes
+        self.stop_bodies, self.interactive = stop_bodies, interactive
         self.free_steps = free_steps
         self.stopped: set[str] = set()
-        self.note = ""  # message to the user about the last frame
         # Floating body that the user drags: its index, and its centre relative to the cursor [m].
         self.dragged: tuple[int, np.ndarray] | None = None
+        # Centre [m] and radius [m] of a hand that images show.
+        self.ball: tuple[Vec3, float] | None = None
         # While the user drags an end wall: its place [m] at the press and longest stroke [m]; its
         # requested place in this frame [m].
         self.grip: tuple[float, float] | None = None
@@ -94,30 +103,46 @@ class Show:
         self.simulation = build_simulation(scene, spare, room)
         self.counts = self.simulation.counts()
         self.ledger = Ledger(self.simulation, density_every)
-        self.frames = 0
+        self.frames = self.resets = 0
         self.later: list[Callable[[], Any]] = []  # compile kernels in later frames
         self.pose = Pose(scene)
         self.rng = np.random.default_rng(scene.seed)  # of drops that the user adds
-        self.display = Display(self.simulation, scene, self.pose, size, meshes, timings)
+        self.now = Moment()
+        self._observe(self._box())
+        if size or meshes:
+            self.display.reset()
 
-    def set(self, key: str, value: float | None) -> None:
-        """Sets a live parameter (msph/scene/live.py), None for its initial value; parameters that
-        this scene does not have are ignored."""
-        if key not in self.live:
-            return
-        if value is None:
-            self.scene = with_value(self.scene, key, value_of(self.initial, key))
-        else:
-            self.scene = with_live_value(self.scene, key, value)
-        if key.startswith("picture.") and self.display.picture:
+    @property
+    def draws(self) -> bool:
+        """True if frames have an image or a mesh."""
+        return bool(self.size or ("display" in vars(self) and self.display.meshes))
+
+    @cached_property
+    def state(self) -> State:  # type: ignore[override]
+        """State that is drawn; see take()."""
+        state = self.simulation.world.build_once(state_of)
+        state.load(self.simulation.plan)
+        return state
+
+    @cached_property
+    def display(self) -> Any:
+        """Surface, image and camera."""
+        more = self.size, self.meshes, self.timings, self.interactive and bool(self.size)
+        return Display(self.state, self.initial, *more)
+
+    def load(self, size: tuple[int, int] | None) -> None:
+        """Prepares images of another size, None for no images, also after Simulation.unpark()."""
+        self.size = size
+        self.state.load(self.simulation.plan)
+        if "display" in vars(self):
+            self.take()
+            self.display.load(size)
+
+    def _changed(self, key: str) -> None:
+        if key.startswith("picture.") and self.size:
             self.display.picture.change(self.scene.picture)
         if key.startswith(f"{self.scene.method}."):
             self.simulation.solver.tune(getattr(self.scene, self.scene.method))
-
-    def changes(self) -> dict[str, float]:
-        """Returns the live parameters that differ from their initial values."""
-        values = {key: (read(self.scene, key), read(self.initial, key)) for key in self.live}
-        return {key: now for key, (now, before) in values.items() if now != before}
 
     def warm_up(self, first_image: bool = False) -> None:
         """Compiles the kernels of a frame, by running two frames of a step each, and resets.
@@ -125,16 +150,14 @@ class Show:
         per frame with `first_image`."""
         for _ in range(WARM_UP_FRAMES):
             self.frame(Controls(budget=0.0))
-        if self.scalable:
+        if self.interactive:
             self.later = self._later_kernels()
-        if not first_image:
-            self.compile_later_kernels()
-        self.restart()
-
-    def compile_later_kernels(self) -> None:
-        """Compiles the kernels that later frames would compile."""
-        while self.later:
+        while self.later and not first_image:
             self.later.pop(0)()
+        self.reset()
+        self.frames = 0
+        if self.timings:
+            self.timings.discard()
 
     def _later_kernels(self) -> list[Callable[[], Any]]:
         """Returns functions that compile kernels without effect on the next frame: for whitewater,
@@ -142,19 +165,13 @@ class Show:
         sim = self.simulation
         nothing = np.zeros((0, 3))
         add = partial(sim.particles.extend, nothing, nothing, 0)
-        return [*self.display.later_kernels(), sim.rim.compile, sim.state, add]
-
-    def restart(self) -> None:
-        """Resets the simulation, and drops the frames and timings so far."""
-        self.reset()
-        self.frames = 0
-        if self.timings:
-            self.timings.discard()
+        drawn = self.display.later_kernels() if self.size else []
+        return [*drawn, sim.rim.compile, sim.state, add]
 
     def close(self) -> None:
         """Drops all parts, so that another simulation can use their memory."""
         self.simulation.close()
-        for part in ("simulation", "ledger", "display"):
+        for part in ("simulation", "ledger", "display", "state"):
             setattr(self, part, None)
 
     def frame(self, controls: Controls) -> None:
@@ -163,83 +180,32 @@ class Show:
             self.set(key, value)
         if controls.reset:
             self.reset()
-        if controls.next_view and self.display.views:
+        if controls.next_view and self.size:
             self.display.views.next()
         if self.later and self.frames:
             self.later.pop(0)()
         external, self.simulated = self._moving_box(controls), 0.0
         if not controls.still:
             with self._stage("fluid"):
-                self.simulated = self._advance(controls, external)
+                self.simulated = advance(self, controls, external)
                 if self.simulation.openings.waiting:
                     self.note = self.simulation.openings.message() or ""
             if self.simulated > 0.0:
                 self.pose.place(self.simulation.time)
-                speed = self.ledger.record(external.gravity).top_speed
-                self.display.advance(self.simulated, external.gravity, external.hand, speed)
-        if self.scalable:
-            self.display.picture.scale = controls.scale
-        else:
-            self.display.follow_path()
-        if not controls.hidden:
-            self.display.draw()
+                self.ledger.record(external.gravity)
+        self._observe(external)
+        if self.draws:
+            self.take()
+            self.display.frame(controls)
         self.frames += 1
         if self.timings:
             self.timings.close_frame()
-
-    def _advance(self, controls: Controls, external: MovingBox) -> float:
-        """Advances the fluid by a frame and returns the simulated time [s]. With stop_bodies, a
-        frame in which a body traps water is undone, and the body stops a frame earlier; and the
-        scene begins again when all water is spilt."""
-        sim, frame_time = self.simulation, controls.frame_time or self.frame_time
-        before = sim.mark() if self.stop_bodies and sim.boundary.driven else None
-        try:
-            return sim.advance(
-                frame_time,
-                external,
-                self._substage,
-                controls.budget,
-                self.clock,
-                self.on_progress,
-                controls.until,
-                self.free_steps and not (external.turned_by_hand or sim.piston),
-            )
-        except AllSpiltError as error:
-            if not self.stop_bodies:
-                raise
-            self.reset()
-            self.note = f"{error}: the scene begins again"
-            return 0.0
-        except TrappedWaterError as error:
-            if before is None:
-                raise
-            stopped = dict(sim.boundary.stopped)
-            by_wall = sim.boundary.bodies[error.body].motion is sim.piston
-            sim.undo(before)
-            if by_wall:
-                sim.remove_piston()
-                self.note = f"{error.name} is gone: it had trapped water"
-                return 0.0
-            # Repeated stops of a body move it back farther: the compressed water needs room.
-            now = sim.reached
-            stopped[error.body] = min(now, stopped.get(error.body, now)) - frame_time
-            self._stop(stopped)
-            self.stopped.add(error.name)
-            return 0.0
-
-    def _stop(self, stopped: dict[int, float]) -> None:
-        """Stops bodies, given as number: time of the stop [s]."""
-        boundary, time = self.simulation.boundary, self.simulation.reached
-        for body, since in stopped.items():
-            boundary.stop(body, since)
-        boundary.place(time, 0.0)
 
     def _moving_box(self, controls: Controls) -> MovingBox:
         """Sets the tilt, uses the tool, and returns the external forces of the frame: gravity,
         hand, and the inertia of the scene's motion and of the user's tilt."""
         self.pose.take(controls, self.simulation.time)
-        if self.display.picture:
-            self.display.picture.ball = None
+        self.ball = None
         if controls.still:
             self.pose.pause()
             return self._box()
@@ -255,8 +221,8 @@ class Show:
     def _use_tool(self, use: ToolUse) -> Hand:
         """Returns the hand of a tool, which may also add water."""
         tool, touch = BY_NAME[use.tool], Touch(self, use)
-        if tool.ball and self.display.picture:
-            self.display.picture.ball = use.place, touch.radius
+        if tool.ball:
+            self.ball = use.place, touch.radius
         try:
             return tool.act(touch)
         except FullError as error:
@@ -283,15 +249,24 @@ class Show:
         """Returns gravity [m/s^2] in the box frame at the current tilt."""
         return self._box().gravity
 
-    @property
-    def _substage(self) -> Stage:
-        """Timer of the parts of a step."""
-        return self.timings.substage if self.timings else no_stage
+    def keep(self, checkpoint: Path) -> None:
+        """Saves a checkpoint."""
+        self.note = f"{checkpoint}; o opens it"
+        try:
+            with replacing(checkpoint) as new:
+                np.savez_compressed(new, **self.simulation.state())  # type: ignore[arg-type]
+        except (MsphError, OSError) as error:
+            self.note = str(error)
 
-    @property
-    def _stage(self) -> Stage:
-        """Timer of the stages of a frame."""
-        return self.timings.stage if self.timings else no_stage
+    def reopen(self, checkpoints: list[Path], otherwise: str) -> None:
+        """Continues from the first of these checkpoints that fits, or says `otherwise`."""
+        for path in checkpoints:
+            # A checkpoint of another quality has other layers.
+            with contextlib.suppress(SceneError, OSError):
+                self.resume(path)
+                self.note = f"{path}, time {self.simulation.time:.2f} s"
+                return
+        self.note = otherwise
 
     def resume(self, checkpoint: Path) -> None:
         """Continues from a checkpoint, a .npz file of Simulation.state(). Raises SceneError."""
@@ -304,6 +279,7 @@ class Show:
             raise SceneError(checkpoint.name, problem) from None
         self.counts = self.simulation.counts()
         self.ledger.clear()
+        self._observe(self._box())
 
     def gravity(self) -> tuple[float, float, float]:
         """Returns gravity [m/s^2] in the pool's frame now, without user input."""
@@ -313,17 +289,59 @@ class Show:
     def reset(self) -> None:
         """Resets the simulation; the camera stays."""
         self.simulation.reset()
+        self.resets += 1
         self.pose.reset(self.simulation.time)
-        self.display.reset()
+        if self.draws:
+            self.display.reset()
         self.stopped.clear()
         self.dragged = self.grip = self.wall_place = None
         self.counts = self.simulation.counts()
         self.ledger.clear()
+        self.simulated, self.ball = 0.0, None
+        self._observe(self._box())
 
-    def volume_error(self) -> float:
-        """Returns the surface's volume over the volume at rest density, minus 1 (-); water in pipes
-        of openings, which has no surface, does not count."""
-        return self.display.volume() / Snapshot.of(self.simulation).volume - 1.0
+    def _observe(self, external: MovingBox) -> None:
+        """Collects the numbers of the present frame."""
+        sim, last = self.simulation, self.ledger.entries[-1] if self.ledger.entries else None
+        # The residual is not measured in every frame.
+        residual = last.solver_residual_mean if last else math.nan
+        self.now = Moment(
+            time=sim.time,
+            simulated=self.simulated,
+            tilt=self.pose.tilt,
+            shift=self.pose.shift,
+            gravity=external.gravity,
+            hand=external.hand,
+            top_speed=last.top_speed if last else 0.0,
+            ball=self.ball,
+            spilt=sim.rim.mass,
+            energy=last.energy if last else math.nan,
+            solver_residual=self.now.solver_residual if last and math.isnan(residual) else residual,
+            fluid=self.timings.spent("fluid") if self.timings else 0.0,
+            resets=self.resets,
+            stopped=frozenset(self.stopped),
+            waiting=sim.openings.message() or "",
+        )
+
+    def take(self) -> None:
+        """Copies the present particles and bodies to the state."""
+        views = self.display.views if self.size else None
+        wanted = [views.wanted] if views else []
+        self.state.take(self.simulation, self.now, *wanted)
+
+    def draw(self) -> None:
+        """Draws the simulation as it is now."""
+        self.take()
+        self.display.draw()
+
+    def extracted(self) -> SurfaceMesh:
+        self.take()
+        return super().extracted()
+
+    def water_volume(self) -> float:
+        """Returns the volume of the water at rest density [m^3], without water in pipes of
+        openings, which has no surface."""
+        return Snapshot.of(self.simulation).volume
 
     def bulk_density_error(self) -> float:
         """Returns the error of the bulk density (-), measured from the positions in milliseconds;
@@ -343,10 +361,3 @@ class Show:
         key = min(bounds, key=lambda name: bounds[name])
         limit = f"limited by {self.scene.method}.{key}"
         return f"steps so far {sim.steps:,}, of {sim.last_step:.2g} s each, {limit}"
-
-    def warnings(self) -> list[str]:
-        """Returns warnings about a truncated mesh, waiting inflows and stopped bodies."""
-        told = [
-            text for text in (self.display.overflow(), self.simulation.openings.message()) if text
-        ]
-        return [*told, *(f"{name} stopped: it had trapped water" for name in sorted(self.stopped))]

@@ -12,6 +12,8 @@ from msph.stage.show import Show
 REAL_TIME = 0.95  # real-time factor from which a simulation runs in real time
 # Time [s] between two updates of speed and counts, and of errors, which take milliseconds.
 EVERY, WATER_EVERY = 0.4, 1.2
+# The same while the window waits for the simulation.
+WAITING_EVERY = 0.1
 
 
 class Status:
@@ -19,7 +21,7 @@ class Status:
 
     def __init__(self, quality: str):
         self.quality, self.last, self.counted = quality, -math.inf, -math.inf
-        self.detailed = False
+        self.detailed = self.waited = False
         self.water = ""
 
     def page(
@@ -27,20 +29,24 @@ class Status:
     ) -> np.ndarray | None:
         """Returns the page at the wall-clock time `now` [s] with a text height of `size` [pixels],
         None if it is not due. detailed: with time, frame rate, quality and errors."""
-        if now - self.last < EVERY and detailed == self.detailed:
+        waiting = row.waiting
+        every = WAITING_EVERY if waiting or self.waited else EVERY
+        if now - self.last < every and detailed == self.detailed:
             return None
-        self.last, self.detailed = now, detailed
+        self.last, self.detailed, self.waited = now, detailed, bool(waiting)
+        if waiting:
+            return pages.lines([(waiting, pages.WARNING)], size)
         first = pace(pacer, paused)
         # Simulations side by side have labels with these values.
         if not row.composed:
-            counts = [n for n in row.lead.simulation.counts() if n]
+            counts = [n for n in row.lead.state.counts() if n]
             layers = f"{len(counts)} layer{'s' * (len(counts) > 1)}"
             first = f"{first}, {sum(counts):,} particles in {layers}"
-            if row.lead.simulation.rim.mass > 0.0:
-                first += f", {row.lead.simulation.rim.mass:.3g} kg spilt"
+            if row.lead.now.spilt > 0.0:
+                first += f", {row.lead.now.spilt:.3g} kg spilt"
         lines = [(first, pages.INK)]
         if detailed and pacer.frames:
-            time = f"time {row.lead.simulation.time:.1f} s, {1.0 / pacer.wall:.0f} frames/s"
+            time = f"time {row.lead.now.time:.1f} s, {1.0 / pacer.wall:.0f} frames/s"
             lines.append((f"{time}, quality {self.quality}", pages.FAINT))
             if not row.composed and now - self.counted > WATER_EVERY:
                 self.counted, self.water = now, self._water(row.lead)
@@ -48,7 +54,7 @@ class Status:
                 lines.append((self.water, pages.FAINT))
         lines += [
             (f"{name} stopped: no room", pages.WARNING)
-            for name in sorted(set().union(*(s.stopped for s in row.shows)))
+            for name in sorted(set().union(*(s.now.stopped for s in row.shows)))
         ]
         return pages.lines(lines, size)
 

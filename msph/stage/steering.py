@@ -2,6 +2,7 @@
 
 import math
 import time
+from collections import deque
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,7 @@ class Steering:
         self.locked = not row.lead.scene.play.level
         self.free: dict[str, bool] = {}
         self.cursor, self.moved = window.cursor(), np.zeros(2)
+        self.clicks: deque[np.ndarray] = deque()  # cursors at presses that have not acted yet
         self.down: Any = None  # position and time [s] at which the left button was pressed
 
     def read_cursor(self) -> None:
@@ -50,10 +52,11 @@ class Steering:
 
     def apply_keys(self, step: float, wall: float, paused: bool) -> bool:
         """Applies keys held down in a frame of `step` [s] simulated and `wall` [s] wall-clock time;
-        returns True if there are any."""
+        returns True if there are any. The tilt waits while the simulation has not answered."""
         down, camera = self.window.down, self.row.lead.display.camera
         asked = np.array([down("Left") - down("Right"), down("Down") - down("Up")], float)
-        self._tilt_by(asked, step, paused)
+        if not self.row.busy:
+            self._tilt_by(asked, step, paused)
         orbit, zoom = down("d") - down("a"), down("s") - down("w")
         camera.orbit(ORBIT_KEY_RATE * wall * orbit, 0.0)
         camera.zoom(math.exp(ZOOM_KEY_RATE * wall * zoom))
@@ -111,16 +114,22 @@ class Steering:
 
     def use_tool(self, still: bool, step: float, pressed: bool, on_page: bool) -> ToolUse | None:
         """Returns the use of the active tool where the left button holds water, otherwise the wake
-        of the cursor. still: no time passes; pressed: in this frame, even if released since."""
+        of the cursor. still: no time passes; pressed: in this frame, even if released since. Each
+        press while the simulation has not answered acts later, in a frame of its own."""
         left, right, middle = self.held_buttons()
-        pressed = pressed and self.free.get("LMB", True)
-        if pressed:
+        if pressed and self.free.get("LMB", True):
+            self.clicks.append(self.cursor)
+        if self.row.busy:
+            return None
+        cursor = self.cursor
+        if self.clicks:
             # The last press may still be within its least duration.
             self.contact.let_go()
-        left = left or pressed or self.contact.clicked
+            cursor, left = self.clicks.popleft(), True
+        left = left or self.contact.clicked
         hover = self.row.lead.scene.play.hover and self.moved.any()
         if left and not still:
-            return self.contact.hold(self.tool, self.row, self.cursor, step)
+            return self.contact.hold(self.tool, self.row, cursor, step)
         if hover and not (right or middle or on_page):
             wake = self.contact.pass_over(self.row, self.cursor, step)
             return None if still else wake

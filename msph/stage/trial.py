@@ -3,7 +3,7 @@
 import contextlib
 import hashlib
 import time
-from dataclasses import dataclass
+from collections.abc import Callable
 
 import taichi as ti
 
@@ -18,7 +18,7 @@ from msph.scene.quality import at_quality, single_quality_reason
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls
 from msph.stage.pacer import PLANNED, RATES, SCALES
-from msph.stage.preparation import named, prepare, say
+from msph.stage.preparation import Report, named, prepare, say
 from msph.stage.row import Row
 from msph.stage.show import INTERACTIVE
 from msph.stage.window import Window
@@ -28,15 +28,19 @@ from msph.stage.window import Window
 SECONDS, UNTIMED, SIZE = 0.5, 3, (960, 540)
 
 
-@dataclass(frozen=True)
-class Found:
-    """The finest quality in real time; row: its simulation at the start, if it was built last."""
-
-    quality: str
-    row: Row | None = None
+# Builds a scene that is ready for all frames, and reports the progress.
+Build = Callable[[Scene, Report | None], Row]
 
 
-def finest_in_real_time(scene: Scene, name: str, window: Window | None = None) -> Found:
+def build_here(scene: Scene, report: Report | None) -> Row:
+    """Builds a scene as for a window, in this process."""
+    fps, more = scene.play.fps, {"timings": Timings(keep=1), **INTERACTIVE}
+    return Row([prepare(scene, 1.0 / fps, SIZE, report, whole=True, **more)])
+
+
+def finest_in_real_time(
+    scene: Scene, name: str, window: Window | None = None, build: Build = build_here
+) -> str:
     """Returns the finest quality that runs in real time, the coarsest possible one if none does,
     and AS_GIVEN for a single quality. The window, if any, shows the progress. The result is
     remembered for later starts on this machine.
@@ -44,34 +48,29 @@ def finest_in_real_time(scene: Scene, name: str, window: Window | None = None) -
     Coarse qualities are tried first: on a slow machine a fine one takes long to build, and its
     loops over many particles would be compiled without use."""
     if single_quality_reason(scene):
-        return Found(AS_GIVEN)
+        return AS_GIVEN
     key = _key(scene, window)
     known = user_cache.recall(key, str)
     with contextlib.suppress(SceneError, KeyError):
         if known:
             at_quality(scene, known, name)
             say(f"{name}: quality {known}, as measured earlier")
-            return Found(known)
-    best, row = "", None
+            return known
+    best = ""
     for quality in QUALITIES:
         try:
             tried = at_quality(scene, quality, name)
         except SceneError:
             continue  # its particles do not fit the box or the bodies
-        if row:
-            row.close()
-        factor, row = real_time_factor(tried, quality, window)
+        factor = real_time_factor(tried, quality, window, build)
         say(f"{name}: quality {quality} runs at {factor:.1f} times real time")
         fits = factor * PLANNED >= 1.0
-        if not fits and best:
-            row.close()
-            row = None
-            break
-        best = quality
+        if fits or not best:
+            best = quality
         if not fits:
             break
     user_cache.remember(key, best)
-    return Found(best, row)
+    return best
 
 
 def forget(scene: Scene, window: Window) -> None:
@@ -87,27 +86,27 @@ def _key(scene: Scene, window: Window | None) -> str:
     return f"quality of scene {digest} at {width}x{height} on {machine()}, {threads}"
 
 
-def real_time_factor(scene: Scene, quality: str, window: Window | None = None) -> tuple[float, Row]:
+def real_time_factor(scene: Scene, quality: str, window: Window | None, build: Build) -> float:
     """Returns the real-time factor over the scene's play.speed (-), at the lowest frame rate and
-    image scale of `play`, and the simulation, reset."""
-    fps, size, doing = scene.play.fps, window.size if window else SIZE, f"trying quality {quality}"
+    image scale of `play`."""
+    fps, doing = scene.play.fps, f"trying quality {quality}"
     controls = Controls(
         budget=SECONDS, scale=SCALES[-1], frame_time=scene.play.speed / (RATES[-1] * fps)
     )
     report = named(window.report, doing) if window else None
-    show = prepare(scene, 1.0 / fps, size, report, timings=Timings(keep=1), **INTERACTIVE)
-    show.compile_later_kernels()
-    row = Row([show])
+    row = build(scene, report)
     for _ in range(UNTIMED):
         row.frame(controls)
+        row.receive(SECONDS)
     simulated = 0.0
     begin, wall = time.perf_counter(), 0.0
     while wall < SECONDS:
         row.frame(controls)
-        simulated += show.simulated
+        row.receive(SECONDS)
+        simulated += row.lead.simulated if row.lead.fresh else 0.0
         if window:
             window.report(doing)
             window.again()
         wall = time.perf_counter() - begin
-    show.restart()
-    return simulated / (scene.play.speed * wall), row
+    row.close()
+    return simulated / (scene.play.speed * wall)

@@ -5,14 +5,13 @@ import math
 import numpy as np
 import taichi as ti
 
-from msph.fluid.simulation import Simulation
-from msph.fluid.world import World
 from msph.launches import data_oriented, kernel
 from msph.picture.legend import Legend
 from msph.picture.ranges import SteadyRange
 from msph.scene.check import views
 from msph.scene.schema import Scene
 from msph.stage.neighbourhood import Neighbourhood
+from msph.state import State, Wanted
 
 # Colour range of the density error [%] by method: typical errors of weak compressibility, and of
 # splashes with the projection method.
@@ -27,11 +26,9 @@ LARGER, SMALLER = {"Pa": ("kPa", 1e3)}, {"m": ("mm", 1e-3)}
 class ViewFields:
     """Fields (capacity,) of a particle view: value, and radius [m], 0 for hidden particles."""
 
-    def __init__(self, world: World):
-        self.particles, self.layers = world.parts.particles, world.parts.layers
-        self.value, self.radius = (
-            ti.field(ti.f32, shape=world.parts.room.particles) for _ in range(2)
-        )
+    def __init__(self, state: State):
+        self.particles, self.layers = state.particles, state.layers
+        self.value, self.radius = (ti.field(ti.f32, shape=state.room.particles) for _ in range(2))
 
     @kernel
     def find_radii(self, n: ti.i32, cut: ti.math.vec3, offset: ti.f32):
@@ -42,16 +39,10 @@ class ViewFields:
             self.radius[i] = 0.0 if beyond else radius
 
     @kernel
-    def copy(self, source: ti.template(), n: ti.i32, scale: ti.f32, shift: ti.f32):
-        """Computes value = scale source + shift."""
+    def scale(self, n: ti.i32, scale: ti.f32, shift: ti.f32):
+        """Computes value = scale viewed + shift."""
         for i in range(n):
-            self.value[i] = scale * source[i] + shift
-
-    @kernel
-    def find_lengths(self, source: ti.template(), n: ti.i32):
-        """Computes value = |source|."""
-        for i in range(n):
-            self.value[i] = source[i].norm()
+            self.value[i] = scale * self.particles.viewed[i] + shift
 
     @kernel
     def read_radii(self, found: ti.types.ndarray(dtype=ti.f32, ndim=1)):
@@ -69,21 +60,20 @@ class ViewFields:
 
 
 class Views:
-    """Views of one simulation by name, and the scalar field that colours the particles."""
+    """Views of one state by name, and the scalar field that colours the particles."""
 
-    def __init__(self, simulation: Simulation, scene: Scene):
-        self.simulation = simulation
-        particles = simulation.particles
+    def __init__(self, state: State, scene: Scene):
+        self.state = state
         self.rest_density = scene.density
         self.density_range = DENSITY_RANGE[scene.method]
-        self.shown = simulation.world.build_once(ViewFields)
+        self.shown = state.build_once(ViewFields)
         self.value, self.radius = self.shown.value, self.shown.radius
         # Direction, in the box frame (3,), in which particles beyond the box's centre are hidden.
         self.cut: np.ndarray | None = None
-        self.neighbourhood = Neighbourhood(simulation)
+        self.neighbourhood = Neighbourhood(state)
         self.names = views(scene)
         self.name = scene.picture.view
-        self.attributes = {a.view: a for a in particles.attributes.values() if a.view}
+        self.attributes = state.attributes
         ends = {name: LEAST_ENDS.get(a.unit, LEAST_END) for name, a in self.attributes.items()}
         self.ranges = {name: SteadyRange(end) for name, end in ends.items()}
 
@@ -92,38 +82,39 @@ class Views:
         self.neighbourhood.pick(None)
         self.name = self.names[(self.names.index(self.name) + 1) % len(self.names)]
 
+    @property
+    def wanted(self) -> Wanted:
+        """What the state must hold for the present view."""
+        if self.name == "water":
+            return Wanted()
+        return Wanted(self.name, self.neighbourhood.id)
+
     def values(self) -> tuple[ti.Field, float, float]:
         """Returns the scalar field (capacity,) of the view and the range of its colours, in the
         attribute's unit; density errors in %, measured at the current positions."""
-        particles = self.simulation.particles
-        n = particles.count
+        n = self.state.particles.count
         cut = np.zeros(3) if self.cut is None else self.cut
-        offset = float(0.5 * np.array(self.simulation.size) @ cut)
+        offset = float(0.5 * np.array(self.state.plan.size) @ cut)
         self.shown.find_radii(n, cut.tolist(), offset)
         if self.neighbourhood.find():
             self.neighbourhood.weigh(self.value, self.radius)
             return self.value, 0.0, 1.0
-        if self.name == "particles":
+        if self.name == "particles" or self.state.wanted.view != self.name:
+            # A view that was chosen just now has its values in the next frame.
             self.value.fill(0.0)
             return self.value, 0.0, 1.0
-        source = particles.fields[self.attributes[self.name].name]
         if self.name == "density_error":
-            self.simulation.measure_density()
-            self.shown.copy(source, n, 100.0 / self.rest_density, -100.0)
+            self.shown.scale(n, 100.0 / self.rest_density, -100.0)
             return self.value, -self.density_range, self.density_range
+        self.shown.scale(n, 1.0, 0.0)
         if self.name == "layers":
-            self.shown.copy(source, n, 1.0, 0.0)
-            return self.value, 0.0, max(1.0, self.simulation.layers.count - 1.0)
-        if self.attributes[self.name].width == 3:
-            self.shown.find_lengths(source, n)
-        else:
-            self.shown.copy(source, n, 1.0, 0.0)
+            return self.value, 0.0, max(1.0, self.state.layers.count - 1.0)
         least, most = self.shown.find_range(n)
         return self.value, *self.ranges[self.name].cover(float(least), float(most))
 
     def radii(self) -> np.ndarray:
         """Returns the radius of every particle [m], (count,); 0 for hidden ones."""
-        found = np.empty(self.simulation.particles.count, np.float32)
+        found = np.empty(self.state.particles.count, np.float32)
         self.shown.read_radii(found)
         return found
 
@@ -147,7 +138,7 @@ class Views:
 
     def _legend_of_layers(self, hi: float) -> Legend:
         """Returns the legend of the layers, from fine to coarse."""
-        specs = self.simulation.layers.specs
+        specs = self.state.layers.specs
         order = sorted(range(len(specs)), key=lambda k: specs[k].spacing)
         unit, size = display_unit("m", specs[order[0]].spacing)
         marks = tuple((k / hi, f"{specs[k].spacing / size:.3g}") for k in order)

@@ -12,7 +12,7 @@ BUTTONS = ("LMB", "RMB", "MMB")
 # Colours of the arrows, in order.
 ARROWS = ((1.0, 0.82, 0.4), (0.34, 0.71, 0.91))
 # Least time between two progress reports [s]: each takes milliseconds to display.
-REPORT_INTERVAL = 0.3
+REPORT_INTERVAL = 0.1
 
 
 class NoWindowError(RuntimeError):

@@ -1,6 +1,6 @@
 """Water surface: coverage of the particles, marching cubes in a band of cells, and the mesh.
 
-surface = world.build_once(surface_of, room)
+surface = state.build_once(surface_of, room)
 surface.load(box_size, cell=0.028)  # for each scene that fits in the room
 surface.extract()  # a few kernel launches, nothing is read back
 surface.mesh  # vertices, normals, triangles, counts: Taichi fields

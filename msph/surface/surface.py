@@ -6,9 +6,8 @@ import numpy as np
 import taichi as ti
 
 from msph.fluid.boundary.boundary import Boundary
-from msph.fluid.shown import Shown
-from msph.fluid.world import World
 from msph.launches import data_oriented, heavy_kernel
+from msph.state import State
 from msph.surface.band import Band, band_numbers
 from msph.surface.bodies import Bodies
 from msph.surface.drops import Drops
@@ -22,10 +21,9 @@ from msph.surface.thin_water import ThinWater
 from msph.surface.water_volume import WaterVolume
 
 
-def surface_of(world: World, room: SurfaceRoom) -> "Surface":
-    """Builds a surface of the shown particles of a world (for World.build_once)."""
-    parts, shown = world.parts, world.build_once(Shown)
-    return Surface(parts.layers, shown.grid, shown.particles, parts.boundary, room)
+def surface_of(state: State, room: SurfaceRoom) -> "Surface":
+    """Builds a surface of the particles of a state (for State.build_once)."""
+    return Surface(state.layers, state.grid, state.particles, state.boundary, room)
 
 
 @data_oriented

@@ -19,8 +19,8 @@ import taichi as ti
 
 from msph.device_table import DeviceTable
 from msph.fluid.boundary.walls import Walls
-from msph.fluid.world import World
 from msph.launches import data_oriented, heavy_kernel
+from msph.state import State
 from msph.surface.fluid_fraction import POLY6, cut_share
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
@@ -72,10 +72,9 @@ class Surroundings:
     closing: ti.f32
 
 
-def whitewater_of(world: World) -> "Whitewater":
-    """Builds the whitewater of a world (for World.build_once)."""
-    parts = world.parts
-    return Whitewater(parts.constants, parts.layers, parts.grid, parts.particles)
+def whitewater_of(state: State) -> "Whitewater":
+    """Builds the whitewater of a state (for State.build_once)."""
+    return Whitewater(state.constants, state.layers, state.grid, state.particles)
 
 
 @data_oriented
@@ -100,11 +99,12 @@ class Whitewater:
         self.started = False
 
     def advance(self, dt: float, gravity: tuple[float, float, float], top_speed: float) -> None:
-        """Moves the particles by dt [s] under gravity [m/s^2], and emits new ones. The grid must be
-        sorted. top_speed [m/s]: of the water; there are no particles until it emits some."""
+        """Moves the particles by dt [s] under gravity [m/s^2], and emits new ones. top_speed [m/s]:
+        of the water; there are no particles until it emits some."""
         self.frames += 1
         self.started = self.started or 0.5 * top_speed**2 > KINETIC[0]
         if self.started:
+            self.grid.refresh()
             self._move(dt, ti.Vector(gravity))
             self._emit(self.particles.count, dt, self.frames)
 

@@ -143,7 +143,7 @@ def test_status_shows_errors_of_bulk_density_and_volume(player, show, monkeypatc
     monkeypatch.setattr(show, "bulk_density_error", lambda: 0.0123)
     told = player.layout.status._water(show)
     assert told.startswith("bulk density error +1.23 %")
-    volume = show.display.surface.mesh.volume() / show.rest_volume() - 1.0
+    volume = show.display.surface.mesh.volume() / show.water_volume() - 1.0
     assert told.endswith(f"volume error {round(100.0 * volume, 1) + 0.0:+.1f} %")
     # Views of particles extract no surface, so the current volume is unknown.
     show.display.views.name = "speed"
@@ -277,7 +277,7 @@ def test_a_saved_image_has_no_pages_and_is_saved_with_its_scene(player, show, tm
     (path,) = tmp_path.glob("pool_*.png")
     picture = imageio.imread(path)
     assert picture.shape == (HEIGHT, WIDTH, 3)
-    show.display.draw()
+    show.draw()
     assert np.array_equal(picture, show.display.picture.to_numpy_u8())
     assert str(path) in player.layout.message
     scene = read_toml(path.with_suffix(".scene.toml"))
@@ -342,7 +342,6 @@ def test_a_click_on_a_particle_shows_its_neighbours_and_accelerations(player, sh
     radius = show.display.views.radius.to_numpy()[: len(x)]
     assert radius[q > 1.001].max() < radius[q < 0.999].min()
     # The density shown is summed at the current positions, not taken from the last step.
-    sim.particles.fields["density"].fill(0.0)
     (told,) = re.findall(r"density ([+-][0-9.]+) %", about.facts()[1])
     sim.measure_density()
     (place,) = np.flatnonzero(sim.particles.numpy("id") == about.id)

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -187,12 +188,12 @@ def test_a_click_within_a_frame_pushes_the_water_down(player, show):
 
 def test_the_hand_is_shown_as_a_ball_while_it_pushes(player, show):
     press(player, show, " ")
-    show.display.picture.ball = None
-    show.display.draw()
+    show.now = replace(show.now, ball=None)
+    show.draw()
     before = show.display.picture.image.to_numpy()
     centre, radius = np.array(show.simulation.size) / 2, 0.1
-    show.display.picture.ball = as_vector(centre), radius
-    show.display.draw()
+    show.now = replace(show.now, ball=(as_vector(centre), radius))
+    show.draw()
     changed = np.abs(show.display.picture.image.to_numpy() - before).max(axis=-1) > 1e-3
     right, up, _ = show.display.camera.axes()
     points = np.array([centre, centre + radius * right, centre + radius * up])

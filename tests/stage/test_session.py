@@ -1,7 +1,7 @@
 """Tests of a session in a window double: order of scenes, end of compilation, quality."""
 
+import contextlib
 from types import SimpleNamespace
-from typing import ClassVar
 
 import pytest
 
@@ -13,6 +13,7 @@ from msph.scene import load_scene
 from msph.scene.library import shipped_scenes
 from msph.stage import menu, session, trial
 from msph.stage.called import Choice, SceneArguments
+from msph.stage.preparation import prepare_row
 from msph.stage.session import Session
 from msph.stage.window import ClosedError
 from msph.taichi_internals import PLAIN
@@ -36,6 +37,13 @@ class Window(Screen):
         self.told.append(doing)
         if len(self.told) == self.closes:
             raise ClosedError
+
+
+class Here(contextlib.nullcontext):
+    """Double of a Remote that runs simulations in this process."""
+
+    def row(self, order, size, report):
+        return prepare_row(order.scenes, order.labels, size, report)
 
 
 @pytest.fixture(autouse=True)
@@ -65,7 +73,7 @@ def rounds(monkeypatch):
         monkeypatch.setattr(Session, "_build", build)
         monkeypatch.setattr(Session, "_play", end)
         monkeypatch.setattr(session, "Layout", lambda size: None)
-        Session(Window(), SceneArguments("pool")).play("pool", "small")
+        Session(Window(), Here(), SceneArguments("pool")).play("pool", "small")
         return built, said
 
     return play
@@ -101,7 +109,7 @@ def test_thirty_presses_of_tab_build_one_further_scene(tmp_path, monkeypatch):
     window = Window()
     window.pressed = ["Tab"] * 30
     with pytest.raises(ClosedError):
-        Recorded(window, SceneArguments(scene)).play(scene, "large")
+        Recorded(window, Here(), SceneArguments(scene)).play(scene, "large")
     # A scene that is not shipped precedes the first shipped scene.
     assert asked == [scene, NAMES[29 % len(NAMES)]]
 
@@ -112,7 +120,7 @@ def test_closing_the_window_ends_compilation(tmp_path, monkeypatch):
     monkeypatch.setattr(world, "_stock", [])
     scene, window = write(tmp_path), Window(closes=5)
     with pytest.raises(ClosedError):
-        Session(window, SceneArguments(scene), frames=1).play(scene, "large")
+        Session(window, Here(), SceneArguments(scene), frames=1).play(scene, "large")
     assert len(window.told) == 5 and window.image is None
     assert window.told[-1].startswith("compiling ")
 
@@ -126,54 +134,32 @@ def test_auto_selects_the_finest_quality_in_real_time(fast, tried, chosen, monke
     first one that is too slow."""
     found = []
 
-    def factor(scene, quality, window):
+    def factor(scene, quality, window, build):
         found.append(quality)
-        return 2.0 if quality in QUALITIES[:fast] else 1.0, Built(quality)
+        return 2.0 if quality in QUALITIES[:fast] else 1.0
 
     monkeypatch.setattr(trial, "real_time_factor", factor)
     tried = list(QUALITIES[:tried])
     result = trial.finest_in_real_time(load_scene("pool"), "pool")
-    assert result.quality == chosen and found == tried
-    # A simulation that was built last need not be built again; all others are closed.
-    reused = tried[-1:] if tried[-1] == chosen else []
-    assert [result.row.quality] == reused if result.row else not reused
-    assert Built.open == reused
+    assert result == chosen and found == tried
     # Each later start knows the result, unless the scene or the size of the window differs.
-    assert trial.finest_in_real_time(load_scene("pool"), "pool") == trial.Found(chosen)
+    assert trial.finest_in_real_time(load_scene("pool"), "pool") == chosen
     assert found == tried
     for changed in (("water=[{lo=[0, 0, 0], hi=[0.5, 0.3, 0.5]}]",), ("play.speed=0.5",)):
         trial.finest_in_real_time(load_scene("pool", changed), "pool")
     trial.finest_in_real_time(load_scene("pool"), "pool", SimpleNamespace(size=(640, 360)))
     assert found == 4 * tried
     fixed = load_scene("pool", ("variant=system-1",))
-    assert trial.finest_in_real_time(fixed, "pool") == trial.Found("large")
+    assert trial.finest_in_real_time(fixed, "pool") == "large"
     assert found == 4 * tried
-
-
-class Built:
-    """Row double; open: qualities that are not closed."""
-
-    open: ClassVar[list[str]] = []
-
-    def __init__(self, quality):
-        self.quality = quality
-        Built.open.append(quality)
-
-    def close(self):
-        Built.open.remove(self.quality)
-
-
-@pytest.fixture(autouse=True)
-def nothing_built(monkeypatch):
-    monkeypatch.setattr(Built, "open", [])
 
 
 @pytest.mark.parametrize("stale", [7, "huge", "", ["small"]])
 def test_a_stale_quality_is_measured_again(stale, monkeypatch):
-    monkeypatch.setattr(trial, "real_time_factor", lambda _, q, w: (0.5, Built(q)))
+    monkeypatch.setattr(trial, "real_time_factor", lambda *_: 0.5)
     scene = load_scene("pool")
     user_cache.remember(trial._key(scene, None), stale)
-    assert trial.finest_in_real_time(scene, "pool").row
+    assert trial.finest_in_real_time(scene, "pool") == "small"
     assert user_cache.recall(trial._key(scene, None), str) == "small"
 
 
@@ -187,9 +173,8 @@ def test_play_below_real_time_forgets_the_quality(slow, known, monkeypatch):
     )
     monkeypatch.setattr(session, "Player", lambda *_: player)
     monkeypatch.setattr(session, "run", lambda *_: None)
-    monkeypatch.setattr(Session, "_with_files", lambda *_: player)
     row = SimpleNamespace(shows=[])
-    Session(window, arguments)._play(row, Choice("pool", "auto", found="medium"))
+    Session(window, Here(), arguments)._play(row, Choice("pool", "auto", found="medium"))
     assert user_cache.recall(key, str) == known
 
 
@@ -200,5 +185,5 @@ def test_auto_omits_qualities_whose_particles_do_not_fit(monkeypatch):
     """
     spacing = load_scene("pillar").layers[0].spacing
     plate = f"bodies=[{{lo=[0.7, 0, 0.2], hi=[{0.7 + 1.3 * spacing}, 0.5, 0.4]}}]"
-    monkeypatch.setattr(trial, "real_time_factor", lambda _, q, w: (0.5, Built(q)))
-    assert trial.finest_in_real_time(load_scene("pillar", (plate,)), "pillar").quality == "medium"
+    monkeypatch.setattr(trial, "real_time_factor", lambda *_: 0.5)
+    assert trial.finest_in_real_time(load_scene("pillar", (plate,)), "pillar") == "medium"

@@ -10,8 +10,8 @@ from msph.fluid.boundary.rigid_bodies import Body
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
-from msph.fluid.shown import Shown
 from msph.fluid.simulation import Simulation
+from msph.state import Moment, state_of
 from msph.surface import SurfaceMesh, SurfaceRoom, surface_of
 from msph.surface.lattice import Lattice
 from msph.surface.marching_cubes import MarchingCubes
@@ -95,9 +95,9 @@ class Water:
         self.simulation = sim = Simulation(plan)
         self.layers, self.particles, self.grid = sim.layers, sim.particles, sim.grid
         self.boundary = sim.boundary
-        self.shown = sim.world.build_once(Shown)
-        self.shown.load()
-        self.surface = sim.world.build_once(surface_of, room)
+        self.state = sim.world.build_once(state_of)
+        self.state.load(plan)
+        self.surface = self.state.build_once(surface_of, room)
         self.surface.load(SIZE, CELL)
 
     def nodes(self, field) -> np.ndarray:
@@ -119,6 +119,10 @@ class Water:
         self.particles.fill(x=x, layer=layer)
         self.grid.build()
 
+    def take(self) -> None:
+        """Copies the particles to the state, from which the surface is extracted."""
+        self.state.take(self.simulation, Moment())
+
     def mesh(self, everywhere: bool = False, for_image: bool = False) -> SurfaceMesh:
         """Returns the extracted mesh; for_image: see Surface.extract. everywhere: evaluates
         the whole box, with bounds by which no sub-block counts as air or deep water."""
@@ -127,7 +131,8 @@ class Water:
         loaded = {name: getattr(numbers, name)[None] for name in bounds}
         for name, bound in bounds.items():
             getattr(numbers, name)[None] = bound
-        with self.shown.at_frame(self.simulation):
+        self.take()
+        with self.state.at_frame():
             self.surface.extract(for_image)
         for name, bound in loaded.items():
             getattr(numbers, name)[None] = bound

@@ -20,7 +20,9 @@ def pool(water):
 
 @pytest.fixture
 def whitewater(pool) -> Whitewater:
-    found = pool.simulation.world.build_once(whitewater_of)
+    found = pool.state.build_once(whitewater_of)
+    pool.take()
+    pool.state.grid.refresh()
     found.reset()
     return found
 
@@ -28,6 +30,7 @@ def whitewater(pool) -> Whitewater:
 def set_velocity(pool, v: np.ndarray) -> None:
     pool.particles.fill(x=pool.particles.numpy("x"), layer=pool.particles.numpy("layer"), v=v)
     pool.grid.build()
+    pool.take()
 
 
 def state(whitewater: Whitewater) -> dict[str, np.ndarray]:

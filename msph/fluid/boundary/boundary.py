@@ -292,6 +292,20 @@ class Boundary(BodyShapes):
             self.floating.redo(dt)
             self._place(self.time - dt, dt)
 
+    def poses_at_end(self) -> tuple[np.ndarray, np.ndarray]:
+        """Returns the centres [m], (bodies, 3), and rotations, (bodies, 3, 3), of all bodies at the
+        end of the step."""
+        return self._at_end if self.bodies else (np.zeros((0, 3)), np.zeros((0, 3, 3)))
+
+    def take_poses(self, centres: np.ndarray, turns: np.ndarray) -> None:
+        """Sets poses_at_end(), for images; the bodies have no velocities."""
+        floating = self.floating
+        floating.x, floating.turn = centres[floating.which], turns[floating.which]
+        self._at_end = centres, turns
+        self._poses.fill(
+            centre=np.stack([centres] * 2, axis=1), rotation=np.stack([turns] * 2, axis=1)
+        )
+
     @contextmanager
     def shifted(self, dt: float) -> Iterator[None]:
         """Context in which the end poses are those of dt [s] later, for reading."""

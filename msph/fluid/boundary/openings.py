@@ -15,6 +15,7 @@ cross-section at the rate of area times speed, as far as water is near.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import taichi as ti
@@ -73,6 +74,7 @@ class Openings:
     ):
         self.constants, self.layers, self.particles = constants, layers, particles
         self.boundary, self.images, self.impulses = boundary, images, impulses
+        self.rows: list[dict[str, Any]] = []  # of the table
         self.table, self.apertures = constants.openings, Apertures(constants)
         self.all: list[Opening] = []
         self.inlets: dict[int, Inlet] = {}
@@ -111,7 +113,7 @@ class Openings:
             for k, o in enumerate(self.all)
             if not o.enters and o.speed is not None
         }
-        rows = [o.row(specs[o.layer], walls) for o in self.all]
+        rows = self.rows = [o.row(specs[o.layer], walls) for o in self.all]
         if changed:
             self.table.fill(**{name: [row[name] for row in rows] for name in (rows or [{}])[0]})
         self.constants.opening_count[None] = len(rows)

@@ -31,6 +31,11 @@ class AllSpiltError(MsphError):
     """No water is left in an open box."""
 
 
+def drop_table() -> DeviceTable:
+    """Returns a table of drops: x [m], v [m/s], radius [m] and remaining life [s]."""
+    return DeviceTable((MOST_DROPS,), x=vec3, v=vec3, radius=f32, life=f32)
+
+
 @data_oriented
 class Rim:
     """Removes particles that leave the box. mass [kg]: spilt since the start; outflow [kg]: left
@@ -47,7 +52,7 @@ class Rim:
     ):
         self.constants, self.layers, self.particles = constants, layers, particles
         self.walls, self.removal, self.impulses = Walls(constants), removal, impulses
-        self.drops = DeviceTable((MOST_DROPS,), x=vec3, v=vec3, radius=f32, life=f32)
+        self.drops = drop_table()
         self.apertures = self.walls.apertures
         # Numbers of particles that left since the reset: spilt, and through outflows.
         self.left = ti.field(ti.i32, shape=(2, MAX_LAYERS))
@@ -105,6 +110,15 @@ class Rim:
         """Moves the drops by dt [s] under gravity [m/s^2]."""
         if self.open and self.has_drops:
             self._fall(dt, vec3(gravity))
+
+    @kernel
+    def read_drops(self, found: ti.types.ndarray(dtype=ti.f32, ndim=2)):
+        """Reads x, v, radius and life of all drops into the columns of `found` (MOST_DROPS, 8)."""
+        for k in range(MOST_DROPS):
+            x, v = self.drops.x[k], self.drops.v[k]
+            for axis in ti.static(range(3)):
+                found[k, axis], found[k, 3 + axis] = x[axis], v[axis]
+            found[k, 6], found[k, 7] = self.drops.radius[k], self.drops.life[k]
 
     @kernel
     def _mark(self, n: ti.i32) -> ti.i32:

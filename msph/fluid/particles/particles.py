@@ -67,6 +67,7 @@ class Particles:
     id: Any
     alive: Any
     prescribed: Any
+    viewed: Any
 
     def __init__(self, room: int, attributes: tuple[Attribute, ...]):
         self.capacity = room

@@ -8,8 +8,8 @@ from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
-from msph.fluid.shown import Shown
 from msph.fluid.simulation import Simulation
+from msph.state import Moment, state_of
 
 D, FRAME = 0.04, 1 / 30
 LAYER = LayerSpec(1000.0 * D**3, 1000.0, 2.45)
@@ -33,6 +33,12 @@ def thrown():
     sim.close()
 
 
+def state_beside(sim):
+    state = sim.world.build_once(state_of)
+    state.load(sim.plan)
+    return state
+
+
 def by_id(particles):
     return particles.numpy("x")[np.argsort(particles.numpy("id"))].astype(float)
 
@@ -43,7 +49,7 @@ def centres(sim):
 
 def test_free_steps_show_water_and_bodies_at_the_end_of_each_frame(thrown):
     """Free flight is exact at the end of steps; between them the way is straight."""
-    sim, shown, start = thrown, thrown.world.build_once(Shown), by_id(thrown.particles)
+    sim, shown, start = thrown, state_beside(thrown), by_id(thrown.particles)
     ahead = []
     for frame in range(1, 13):
         t = frame * FRAME
@@ -53,7 +59,8 @@ def test_free_steps_show_water_and_bodies_at_the_end_of_each_frame(thrown):
         before = sim.state()
         flown = THROW * t + 0.5 * GRAVITY * t * t
         straight = 0.5 * 2.0 * sim.last_step**2 + 1e-5
-        with shown.at_frame(sim):
+        shown.take(sim, Moment())
+        with shown.at_frame():
             assert np.abs(by_id(shown.particles) - start - flown).max() < straight
             found = centres(sim)
         assert np.abs(found[0] - START - flown).max() < straight
@@ -80,11 +87,12 @@ def test_free_steps_are_as_long_as_allowed(thrown):
 
 def test_shown_water_stays_in_the_box(thrown):
     """A particle that bounced within the step shown was not beyond the wall before."""
-    sim, shown = thrown, thrown.world.build_once(Shown)
+    sim, shown = thrown, state_beside(thrown)
     sim.particles.fill(
         x=np.float32([[0.001, 0.8, 0.45]]), v=np.float32([[2.0, 0.0, 0.0]]), layer=np.int32([0])
     )
     sim.ahead = 0.01
-    with shown.at_frame(sim):
+    shown.take(sim, Moment())
+    with shown.at_frame():
         assert shown.particles.numpy("x")[0] == pytest.approx((0.0, 0.8, 0.45))
     sim.ahead = 0.0

@@ -1,0 +1,96 @@
+"""Messages between the process of a window and the process of its simulations.
+
+Window to simulations: an Order for the scenes to run, then a Command for each frame, and END; None
+ends the process. Simulations to window: Progress, Ready, an Answer to each Command, and Failed,
+each with the serial number of its order (0: of no order), so that those of an earlier one are
+ignored. The next Command is sent once the last one is answered, before its image is drawn, so that
+both processes work at the same time; the arrays of an Answer stay valid until the next Answer.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from msph.scene.schema import Scene
+from msph.stage.called import Choice, SceneArguments
+from msph.stage.controls import Controls
+from msph.stage.recording import Header, Recording
+from msph.state import Wanted
+from msph.transfer import Packet
+
+END = "end"
+
+
+@dataclass(frozen=True)
+class Files:
+    """Files of a session that the process of the simulations reads and writes. record: file for the
+    input, with its header; replay: recording to replay; autosave: file of the state, and the time
+    of day at which the session began; resume: checkpoint to continue from."""
+
+    autosave: Path | None = None
+    began: str = ""
+    record: Path | None = None
+    header: Header | None = None
+    replay: Recording | None = None
+    resume: Path | None = None
+
+
+@dataclass(frozen=True)
+class Order:
+    """Scenes to run side by side. whole: compile all kernels at the start; serial: number of this
+    order, from 1."""
+
+    scenes: list[Scene]
+    labels: list[str]
+    choice: Choice
+    arguments: SceneArguments
+    files: Files = field(default_factory=Files)
+    whole: bool = False
+    serial: int = 0
+
+
+@dataclass(frozen=True)
+class Command:
+    """Input of a frame, and what the window needs of each simulation. keep: checkpoint to write;
+    reopen: checkpoints, of which the first that fits is continued; otherwise: note if none fits."""
+
+    controls: Controls
+    wanted: list[Wanted]
+    keep: Path | None = None
+    reopen: list[Path] | None = None
+    otherwise: str = ""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What the process of the simulations does."""
+
+    doing: str
+
+
+@dataclass(frozen=True)
+class Ready:
+    """The simulations are built. names, capacities: of the SharedArrays of each; about: number of
+    particles and mass of each; an Answer with the initial state follows."""
+
+    names: list[str]
+    capacities: list[int]
+    about: list[str]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """State of each simulation after a frame, in the set `index` of their arrays; notes: messages
+    to the user; changes: live parameters that differ from their initial values."""
+
+    index: int
+    packets: list[Packet]
+    notes: list[str]
+    changes: list[dict[str, float]]
+
+
+@dataclass(frozen=True)
+class Failed:
+    """An error ended the simulations; code: exit code."""
+
+    problem: str
+    code: int

@@ -1,0 +1,290 @@
+"""Simulations in another process, and what a window shows of them (link.py)."""
+
+import contextlib
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from msph.errors import MsphError
+from msph.fluid.boundary.walls import wall_constants
+from msph.measure.bulk import bulk_density
+from msph.measure.timings import Timings
+from msph.scene.build import roomy_plan_of
+from msph.scene.live import read
+from msph.scene.schema import Scene
+from msph.stage.controls import Controls
+from msph.stage.display import Display
+from msph.stage.link import END, Answer, Command, Failed, Order, Progress, Ready
+from msph.stage.preparation import Report, compiling, say
+from msph.stage.row import KEPT_FRAMES, PATIENCE, Row, width_of_each
+from msph.stage.show import SIMULATED
+from msph.stage.shown_scene import ShownScene
+from msph.state import Moment
+from msph.transfer import SharedArrays, give_back, own_state, receive
+
+# Time [s] that the process has to end before it is killed: a frame may compile.
+LAST_WAIT = 1.0
+
+
+class SimulationError(MsphError):
+    """An error of the simulations' process."""
+
+    def __init__(self, problem: str, code: int = MsphError.EXIT_CODE):
+        super().__init__(problem)
+        self.EXIT_CODE = code
+
+
+class Remote:
+    """Process of simulations, of start_simulations(); as a context, it ends the process.
+
+    busy: True while it owes an answer; doing: what it does meanwhile, since `since` [s].
+    """
+
+    def __init__(self, process: Any, connection: Connection):
+        self.process, self.connection = process, connection
+        self.busy, self.doing, self.since = False, "", 0.0
+        self.running = False  # True between an order and END
+        self.building = False  # True between an order and Ready
+        self.serial = 0  # of the last order
+        self.shows: list[RemoteShow] = []
+
+    def __enter__(self) -> "Remote":
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        with contextlib.suppress(OSError):
+            self.end()
+            self.connection.send(None)
+            if not self.building:
+                self.process.join(LAST_WAIT)
+        self.process.kill()
+        self.process.join()
+
+    def row(self, order: Order, size: tuple[int, int], report: Report | None = None) -> Row:
+        """Returns the simulations of an order, with images of size (width, height) [pixels], once
+        both processes are ready. Raises SimulationError."""
+        self.end()
+        begin, number = time.perf_counter(), len(order.scenes)
+        report = self._watched(report)
+        report("building the scene", important=True)
+        self.serial += 1
+        self._send(replace(order, serial=self.serial))
+        self.running = self.building = True
+        self.doing, self.since = "building the scene", begin
+        each = (width_of_each(number, size[0]), size[1]) if number > 1 else size
+        with compiling(report):
+            self.shows = [
+                RemoteShow(self, k, scene, each, 1 if number == 1 else KEPT_FRAMES)
+                for k, scene in enumerate(order.scenes)
+            ]
+            for show in self.shows:
+                show.warm_up(order.whole)
+        ready = self._wait_for(Ready, report, begin)
+        self.building = False
+        for show, capacity, name in zip(self.shows, ready.capacities, ready.names, strict=True):
+            try:
+                show.arrays = SharedArrays(capacity, name)
+            except FileNotFoundError:
+                raise self._lost() from None
+        self._take(self._wait_for(Answer, report, begin))
+        for about in ready.about:
+            say(f"ready in {time.perf_counter() - begin:.1f} s, {about}")
+        return Row(self.shows, order.labels, size) if number > 1 else Row(self.shows)
+
+    def _watched(self, report: Report | None) -> Report:
+        """Returns a report that also raises SimulationError once the process has ended."""
+
+        def watched(doing: str, important: bool = False) -> None:
+            if not self.process.is_alive():
+                raise self._lost()
+            if report:
+                report(doing, important)
+
+        return watched
+
+    def _wait_for(self, kind: type, report: Report, begin: float) -> Any:
+        """Returns the next message of a kind."""
+        while not isinstance(message := self._receive(PATIENCE), kind):
+            report(f"simulation: {self.doing}, {time.perf_counter() - begin:.1f} s")
+        return message
+
+    def give(self, command: Command) -> None:
+        """Sends the input of the next frame."""
+        self._send(command)
+        self.busy, self.doing, self.since = True, "", time.perf_counter()
+
+    def receive(self, patience: float) -> None:
+        """Waits at most `patience` [s] for the answer to the last command."""
+        until = time.perf_counter() + patience
+        while self.busy:
+            message = self._receive(max(until - time.perf_counter(), 0.0))
+            if isinstance(message, Answer):
+                self._take(message)
+            elif message is None and time.perf_counter() >= until:
+                return
+
+    def _take(self, answer: Answer) -> None:
+        self.busy = False
+        for show, packet, note, changes in zip(
+            self.shows, answer.packets, answer.notes, answer.changes, strict=True
+        ):
+            show.take(packet, answer.index, note, changes)
+
+    def end(self) -> None:
+        """Ends the simulations of the last order."""
+        if self.running:
+            self.running = self.busy = False
+            try:
+                self._send(END)
+            except SimulationError:
+                return
+        self.shows = []
+
+    def _send(self, message: Any) -> None:
+        try:
+            self.connection.send(message)
+        except OSError:
+            raise self._lost() from None
+
+    def _receive(self, timeout: float) -> Any:
+        """Returns the next message, None if there is none within `timeout` [s]."""
+        try:
+            if not self.connection.poll(timeout):
+                return None
+            serial, message = self.connection.recv()
+        except (EOFError, OSError):
+            raise self._lost() from None
+        if serial not in (0, self.serial):
+            return None
+        if isinstance(message, Failed):
+            self.running = self.building = self.busy = False
+            raise SimulationError(message.problem, message.code)
+        if isinstance(message, Progress):
+            self.doing = message.doing
+        return message
+
+    def _lost(self) -> SimulationError:
+        """Describes the end of the process."""
+        self.running = self.busy = False
+        self.process.join(LAST_WAIT)
+        code = self.process.exitcode
+        how = f"signal {-code}" if code and code < 0 else f"exit code {code}"
+        return SimulationError(f"the process of the simulation has ended ({how})")
+
+
+class RemoteShow(ShownScene):
+    """Display of a simulation in another process; see Show."""
+
+    parallel = True
+
+    def __init__(self, remote: Remote, number: int, scene: Scene, size: tuple[int, int], keep: int):
+        super().__init__(scene)
+        self.remote, self.number, self.size = remote, number, size
+        self.frame_time = 1.0 / scene.play.fps
+        self.timings = Timings(keep=keep)
+        self.state = own_state(roomy_plan_of(scene, SIMULATED["spare"]))
+        self.display: Any = Display(self.state, scene, size, False, self.timings, True)
+        self.display.reset()
+        self.arrays: Any = None
+        self.simulated, self.fresh, self.new = 0.0, False, False
+        self.later: list[Callable[[], Any]] = []
+        self.reported: dict[str, float] = {}
+        self.asked: dict[str, Any] = {}  # keep and reopen of the next Command
+        # Called by the frame loop after steps, which are not seen here.
+        self.on_progress: Callable[[float], None] | None = None
+
+    @property
+    def now(self) -> Moment:  # type: ignore[override]
+        return self.state.now
+
+    @property
+    def busy(self) -> bool:  # type: ignore[override]
+        return self.remote.busy
+
+    def _changed(self, key: str) -> None:
+        if key.startswith("picture."):
+            self.display.picture.change(self.scene.picture)
+
+    def warm_up(self, whole: bool) -> None:
+        """Compiles the kernels of images, by drawing the initial water; without `whole`, some of
+        them in later frames."""
+        for _ in range(2):
+            self.display.draw()
+        self.later = self.display.later_kernels()
+        while whole and self.later:
+            self.later.pop(0)()
+        self.display.reset()
+
+    def take(self, packet: Any, index: int, note: str, changes: dict[str, float]) -> None:
+        """Takes an answer of the simulation."""
+        resets = self.now.resets
+        receive(self.state, packet, self.arrays.sets[index])
+        self.simulated, self.fresh, self.note = self.now.simulated, True, note or self.note
+        self.timings.add("fluid", self.now.fluid)
+        if self.now.resets != resets:
+            self.display.reset()
+        if changes != self.reported:
+            # A replay or a checkpoint has changed them; own changes are known here.
+            self.reported = changes
+            for key in self.live:
+                value = changes.get(key, read(self.initial, key))
+                if value != read(self.scene, key):
+                    self.set(key, value)
+
+    def frame(self, controls: Controls) -> None:
+        """Sends the input, and meanwhile draws the last state."""
+        display = self.display
+        if controls.next_view:
+            display.views.next()
+        if self.number == 0 and not self.busy:
+            wanted = [show.display.views.wanted for show in self.remote.shows]
+            self.remote.give(Command(controls, wanted, **self.asked))
+            self.asked = {}
+        self.new, self.fresh = self.fresh, False
+        if self.later and self.new:
+            self.later.pop(0)()
+        display.frame(controls, self.new)
+        self.timings.close_frame()
+
+    def draw(self) -> None:
+        """Draws the last state."""
+        self.display.draw(new=False)
+
+    def keep(self, checkpoint: Path) -> None:
+        """Saves a checkpoint after the present frame."""
+        self.asked["keep"] = checkpoint
+
+    def reopen(self, checkpoints: list[Path], otherwise: str) -> None:
+        """Continues from the first of these checkpoints that fits, or says `otherwise`."""
+        self.asked |= {"reopen": checkpoints, "otherwise": otherwise}
+
+    def _inside(self) -> tuple[np.ndarray, np.ndarray]:
+        """Returns position [m] and spacing [m] of the particles within the walls."""
+        particles, plan = self.state.particles, self.state.plan
+        walls = np.array(wall_constants(plan.size, plan.open_top)["walls"])
+        x = particles.numpy("x").astype(float)
+        inside = np.all((x >= 0.0) & (x <= walls), axis=1)
+        spacings = np.array([s.spacing for s in self.state.layers.specs])
+        return x[inside], spacings[particles.numpy("layer")[inside]]
+
+    def water_volume(self) -> float:
+        return float((self._inside()[1] ** 3).sum())
+
+    def bulk_density_error(self) -> float:
+        """Returns the error of the bulk density (-); NaN if the water is too thin."""
+        free = self.state.boundary.free
+        return bulk_density(*self._inside(), self.state.region, free).mean - 1.0
+
+    def close(self) -> None:
+        """Drops all parts, so that other scenes can use their memory."""
+        if self.number == 0:
+            self.remote.end()
+        give_back(self.state)
+        if self.arrays:
+            self.arrays.close()
+        self.display = None

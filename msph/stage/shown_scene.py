@@ -1,0 +1,82 @@
+"""What a window reads of a simulation, which runs in this process or in another one."""
+
+import math
+from typing import Any
+
+from msph.scene.live import live_parameters, read, with_live_value
+from msph.scene.parts import value_of, with_value
+from msph.scene.schema import Scene
+from msph.state import Moment, State
+from msph.surface import SurfaceMesh
+
+
+class ShownScene:
+    """Scene whose live parameters the user changes, with its display.
+
+    scene: with the present live parameters; initial: without changes; live: keys of the live
+    parameters, of which a viscosity set to 0 remains one. now: numbers of the last frame; state:
+    what is drawn, by `display`. note: message to the user about the last frame. busy: True while
+    the simulation has not answered the last input; parallel: it runs while images are drawn; new:
+    the last frame drew a new state; fresh: a new state has not been drawn.
+    """
+
+    state: State
+    display: Any
+    now: Moment
+    # A simulation of this process has always answered.
+    busy = parallel = False
+    fresh = new = True
+
+    def __init__(self, scene: Scene):
+        self.scene = self.initial = scene
+        self.live = {live.key for live in live_parameters(scene)}
+        self.note = ""
+
+    @property
+    def draws(self) -> bool:
+        """True if frames have an image or a mesh."""
+        return True
+
+    def volume(self) -> float:
+        """Returns the volume enclosed by the surface mesh [m^3]; NaN if the mesh overflowed."""
+        mesh = self.extracted()
+        return math.nan if mesh.overflowed() else mesh.volume()
+
+    def extracted(self) -> SurfaceMesh:
+        """Extracts and returns the present surface, spray included."""
+        return self.display.extracted()
+
+    def water_volume(self) -> float:
+        """Returns the volume of the water at rest density [m^3], without water in pipes of
+        openings, which has no surface."""
+        raise NotImplementedError
+
+    def volume_error(self) -> float:
+        """Returns the surface's volume over the volume at rest density, minus 1 (-)."""
+        return self.volume() / self.water_volume() - 1.0
+
+    def warnings(self) -> list[str]:
+        """Returns warnings about a truncated mesh, waiting inflows and stopped bodies."""
+        overflow = self.display.overflow() if self.draws else None
+        told = [text for text in (overflow, self.now.waiting) if text]
+        stopped = sorted(self.now.stopped)
+        return [*told, *(f"{name} stopped: it had trapped water" for name in stopped)]
+
+    def set(self, key: str, value: float | None) -> None:
+        """Sets a live parameter (msph/scene/live.py), None for its initial value; parameters that
+        this scene does not have are ignored."""
+        if key not in self.live:
+            return
+        if value is None:
+            self.scene = with_value(self.scene, key, value_of(self.initial, key))
+        else:
+            self.scene = with_live_value(self.scene, key, value)
+        self._changed(key)
+
+    def _changed(self, key: str) -> None:
+        """Applies the present value of a live parameter."""
+
+    def changes(self) -> dict[str, float]:
+        """Returns the live parameters that differ from their initial values."""
+        values = {key: (read(self.scene, key), read(self.initial, key)) for key in self.live}
+        return {key: now for key, (now, before) in values.items() if now != before}

@@ -1,0 +1,213 @@
+"""Tests of simulations in a process of their own: equal results, waits without a frozen window,
+and the end of either process."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+from msph.measure.timings import Timings
+from msph.scene import load_scene
+from msph.stage.called import Choice, SceneArguments
+from msph.stage.controls import Controls
+from msph.stage.layout import Layout
+from msph.stage.link import Files, Order
+from msph.stage.process import start_simulations
+from msph.stage.recording import Header, read
+from msph.stage.remote import Remote, SimulationError
+from msph.stage.show import INTERACTIVE, Show
+from msph.stage.tools import ToolUse
+from tests.scenes_kit import write
+from tests.stage.player_kit import FRAME, SIZE, frames, played, press
+
+# Longest wait [s] for a process, also on a busy machine.
+PATIENCE = 120.0
+MEMORY = Path("/dev/shm")
+on_linux = pytest.mark.skipif(sys.platform != "linux", reason="stops and kills processes")
+
+
+def order_of(scene, files=None):
+    arguments = SceneArguments(str(scene))
+    choice = Choice(str(scene), "large", found="large")
+    return Order([load_scene(scene)], ["a"], choice, arguments, files or Files())
+
+
+@contextlib.contextmanager
+def built(scene, files=None):
+    """Yields a remote and the row of its simulation."""
+    with Remote(*start_simulations("cpu", 1)) as remote:
+        row = remote.row(order_of(scene, files), SIZE)
+        yield remote, row
+        row.close()
+
+
+@pytest.fixture(scope="module")
+def remote(tmp_path_factory):
+    with built(write(tmp_path_factory.mktemp("scene"))) as (remote, row):
+        yield remote, row
+
+
+def shared():
+    return set(MEMORY.glob("psm_*")) if MEMORY.is_dir() else set()
+
+
+def answered(row):
+    """Waits for the answer to the last input."""
+    row.receive(PATIENCE)
+    assert not row.busy
+
+
+def inputs():
+    """Returns the input of some frames: tilts, a tool, a change, a reset, a pause."""
+    at, up = (0.2, 0.1, 0.2), (0.0, 0.0, 0.0)
+    use = ToolUse("push", at, (1.0, 0.0, 0.0), at, at, (0.0, -1.0, 0.0), FRAME, FRAME)
+    rain = ToolUse("rain", at, up, at, at, (0.0, -1.0, 0.0), FRAME, 6 * FRAME)
+    given = [Controls(frame_time=FRAME, tilt=(0.01 * k, 0.0)) for k in range(6)]
+    given += [Controls(frame_time=FRAME, use=u) for u in (use, rain, use)]
+    given += [Controls(frame_time=FRAME, set={"gravity": 5.0}), Controls(still=True)]
+    given += [Controls(frame_time=FRAME, reset=True), *[Controls(frame_time=FRAME)] * 5]
+    return given
+
+
+def test_two_processes_compute_what_one_computes(remote):
+    """Positions and velocities are equal bit for bit on one thread."""
+    _, row = remote
+    scene = row.lead.initial
+    here = Show(scene, FRAME, SIZE, timings=Timings(keep=1), **INTERACTIVE)
+    here.warm_up()
+    for given in inputs():
+        row.frame(given)
+        answered(row)
+        here.frame(given)
+        assert row.lead.now.time == here.simulation.time
+    for name in ("x", "v", "layer", "id"):
+        ours, theirs = (show.state.particles.numpy(name) for show in (here, row.lead))
+        order, other = (np.argsort(s.state.particles.numpy("id")) for s in (here, row.lead))
+        assert np.array_equal(ours[order], theirs[other]), name
+    assert row.lead.now.energy == here.now.energy
+    assert row.lead.changes() == here.changes() == {"gravity": 5.0}
+    here.close()
+
+
+@on_linux
+def test_the_window_answers_while_the_simulation_does_not(remote):
+    """Keys, views, sliders and camera act at once; input for the simulation is kept and applied."""
+    remote, row = remote
+    player = played(row, Layout(SIZE))
+    frames(player, number=2)
+    answered(row)
+    before, process = row.lead.now.time, psutil.Process(remote.process.pid)
+    process.suspend()
+    try:
+        frames(player)
+        assert row.busy
+        azimuth = row.lead.display.camera.azimuth
+        player.window.held = {"d"}
+        press(player, None, "h", "v", "n", "r")
+        player.window.held = set()
+        assert player.helping and row.lead.display.views.name != "water"
+        assert row.lead.display.camera.azimuth != azimuth
+        player.menu.set("gravity", 3.0)
+        assert row.lead.scene.gravity[1] == -3.0
+        for _ in range(2):
+            player.window.pressed = ["LMB"]
+            frames(player)
+        assert len(player.steering.clicks) == 2 and row.lead.now.time == before
+        while not row.waiting:
+            frames(player)
+        assert row.waiting.startswith("waiting for the simulation")
+    finally:
+        process.resume()
+    answered(row)
+    resets = row.lead.now.resets
+    for _ in range(4):
+        frames(player)
+        answered(row)
+    assert row.lead.now.resets == resets + 1 and not player.steering.clicks
+    assert not row.waiting and row.lead.changes()["gravity"] == 3.0
+    player.close()
+
+
+@on_linux
+def test_signals_of_a_terminal_are_left_to_the_window(remote):
+    """Regression: a process that was interrupted while Python started printed a traceback."""
+    remote, row = remote
+    status = Path(f"/proc/{remote.process.pid}/status").read_text()
+    (blocked,) = (line.split()[1] for line in status.splitlines() if line.startswith("SigBlk"))
+    assert int(blocked, 16) & 1 << (signal.SIGINT - 1)
+    answered(row)
+    os.kill(remote.process.pid, signal.SIGINT)
+    row.frame(Controls())
+    answered(row)
+
+
+def test_errors_of_a_scene_are_told_and_the_process_lives_on(tmp_path):
+    good, bad = tmp_path / "good", tmp_path / "bad"
+    good.mkdir(), bad.mkdir()
+    scene = write(good)
+    with built(scene) as (remote, row):
+        row.close()
+        recording = Header.of(str(scene), "large")
+        files = Files(record=bad / "missing" / "file", header=recording, autosave=bad / "a.npz")
+        (bad / "missing").write_text("")
+        with pytest.raises(SimulationError, match="not a folder"):
+            remote.row(order_of(scene, files), SIZE)
+        row = remote.row(order_of(scene), SIZE)
+        row.frame(Controls())
+        answered(row)
+        row.close()
+
+
+@on_linux
+def test_a_killed_simulation_ends_the_session_and_keeps_its_recording(tmp_path):
+    scene, before, path = write(tmp_path), shared(), tmp_path / "input.jsonl"
+    files = Files(record=path, header=Header.of(str(scene), "large"))
+    told = "the process of the simulation has ended .signal 9"
+    with pytest.raises(SimulationError, match=told), built(scene, files) as (remote, row):
+        assert shared() == before, "shared memory has a name that a crash leaves behind"
+        for _ in range(5):
+            row.frame(Controls())
+            answered(row)
+        os.kill(remote.process.pid, signal.SIGKILL)
+        for _ in range(2):
+            row.frame(Controls())
+            row.receive(PATIENCE)
+    assert read(path).moving >= 5 and shared() == before
+
+
+WINDOW = """
+import sys
+from tests.stage.test_two_processes import built, Controls, answered
+from msph.device import start
+start("cpu", 1)
+with built(sys.argv[1]) as (remote, row):
+    print(remote.process.pid, flush=True)
+    while True:
+        row.frame(Controls())
+        answered(row)
+"""
+
+
+@on_linux
+def test_a_killed_window_ends_its_simulation(tmp_path):
+    scene, before = write(tmp_path), shared()
+    command = [sys.executable, "-c", WINDOW, str(scene)]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=Path.cwd()
+    )
+    other = psutil.Process(int(process.stdout.readline()))
+    process.kill()
+    deadline = time.monotonic() + PATIENCE
+    while psutil.pid_exists(other.pid) and other.status() != psutil.STATUS_ZOMBIE:
+        assert time.monotonic() < deadline, "the simulation runs on"
+        time.sleep(0.1)
+    said = process.stderr.read()
+    assert said.splitlines()[-1] == "msph: the process of the window has ended", said
+    assert shared() == before
