@@ -30,7 +30,7 @@ def read(run: str) -> list[tuple[str, str, float]]:
 
 def main() -> None:
     """Writes the durations of the last runs."""
-    from bench.report import RESULTS, heading
+    from bench.report import RESULTS, place
 
     found = {run: read(run) for run in RUNS}
     totals: collections.Counter[str] = collections.Counter()
@@ -40,7 +40,7 @@ def main() -> None:
     seconds = {file: round(total) for file, total in totals.most_common()}
     DURATIONS.write_text(json.dumps(seconds, indent=0) + "\n")
     report = [
-        heading("Durations of the tests", "cpu"),
+        f"# Durations of the tests\n\n{place('cpu', 2)}; `make test test-plain durations`\n",
         "Two processes of one thread each. Times include compiling, which the first test needing "
         "a\nkernel pays. Sums over tests of both processes:\n",
         tabulate(
