@@ -98,26 +98,22 @@ class DropletsView:
     def draw(self, white: ti.i32, spilt: ti.i32, sprayed: ti.i32):
         """white, spilt, sprayed: 1 to draw whitewater, spilt water, spray."""
         self.sums.lo[None], self.sums.hi[None] = NO_ITEM, -1
+        first = white * MOST
+        after = first + spilt * MOST_DROPS * DROPLETS
         ti.loop_config(block_dim=BLOCK)
-        for q in range(white * MOST + spilt * MOST_DROPS + sprayed * self.spray.count[None]):
-            first = white * MOST
-            after = first + spilt * MOST_DROPS
-            number = DROPLETS
+        for q in range(after + sprayed * self.spray.count[None] * DROPLETS):
+            drop, m = Droplet(radius=0.0), (q - first) % DROPLETS
             if q < first:
-                number = ti.cast(self.whitewater.table.life[q] > 0.0, ti.i32)
-            elif q < after:
-                number *= ti.cast(self.rim.drops.life[q - first] > 0.0, ti.i32)
-            for m in range(number):
-                drop = Droplet(radius=0.0)
-                if q < first:
+                if self.whitewater.table.life[q] > 0.0:
                     drop = self.white_one(q)
-                elif q < after:
-                    drop = self.spilt_one(q - first, m)
-                else:
-                    x, radius, v = self.spray.droplet(self.spray.loose[q - after], m)
-                    drop = Droplet(
-                        x=x, v=v, radius=radius, opacity=MISTY, white=0, foam=0.0, life=1.0
-                    )
+            elif q < after:
+                k = (q - first) // DROPLETS
+                if self.rim.drops.life[k] > 0.0:
+                    drop = self.spilt_one(k, m)
+            else:
+                x, radius, v = self.spray.droplet(self.spray.loose[(q - after) // DROPLETS], m)
+                drop = Droplet(x=x, v=v, radius=radius, opacity=MISTY, white=0, foam=0.0, life=1.0)
+            if drop.radius > 0.0:
                 self.add(drop, self.lens.shot[None])
         # Only within the bounds of the droplets, which are empty if lo = hi + 1.
         ti.loop_config(serialize=True)
