@@ -34,12 +34,12 @@ if not PLAIN:
     from msph.taichi_internals import ASTTransformer, AutodiffMode, Kernel, impl, ndarray_type
 
 VECTOR = type(ti.math.vec3)
-# Number of particles below which a CPU runs the loops of a kernel, or of a heavy kernel, in the
-# launching thread: waking two threads takes 40 us per loop (bench/results/speed_log.md).
-SERIAL_BELOW, HEAVY_SERIAL_BELOW = 3000, 300
+# Largest number of particles with which a CPU runs the loops of a kernel, or of a heavy kernel, in
+# the launching thread: waking two threads takes 40 us per loop (bench/results/speed_log.md).
+MOST_SERIAL, MOST_HEAVY_SERIAL = 3000, 300
 # The same for loops that only read and write a few numbers per particle, in all kernels.
-LIGHT_SERIAL_BELOW = 40_000
-# Blocks of 128 threads in a GPU's loops: of scenes with fewer particles than FEW, and of others. A
+MOST_LIGHT_SERIAL = 40_000
+# Blocks of 128 threads in a GPU's loops: of scenes with at most FEW particles, and of others. A
 # frame of `dam_break` takes 9.4 ms on an H200, with Taichi's 8,448 blocks 15.9 ms; one of 314,432
 # particles takes as long with 2,112 as with 8,448 (bench/results/gpu.md).
 FEW, FEW_BLOCKS, BLOCKS = 100_000, 528, 2112
@@ -67,7 +67,7 @@ class Traits:
     @particles.setter
     def particles(self, particles: float) -> None:
         self._particles = particles
-        light = particles < LIGHT_SERIAL_BELOW and on_cpu() and not PLAIN
+        light = particles <= MOST_LIGHT_SERIAL and on_cpu() and not PLAIN
         self.case = self.case[0], light
 
     @property
@@ -182,13 +182,13 @@ def _taichi_kernel(function: Callable) -> "Kernel":
 class FastKernel:
     """Kernel method, compiled once per object, traits and values of template arguments; a result
     that is a vector may be a list. heavy: its iterations take long and unequal times, so that CPU
-    threads take blocks of them in turn, already in smaller scenes. small: its loops do not run over
-    particles, but over a few rows, as those of bodies, and are serial on a CPU."""
+    threads take blocks of them in turn, already in smaller scenes. small: its loops run over few
+    rows, such as those of bodies, instead of particles, and are serial on a CPU."""
 
     def __init__(self, function: Callable, heavy: bool = False, small: bool = False):
         functools.update_wrapper(self, function)
         self.function, self.taichi, self.heavy = function, _taichi_kernel(function), heavy
-        self.below = math.inf if small else HEAVY_SERIAL_BELOW if heavy else SERIAL_BELOW
+        self.most = math.inf if small else MOST_HEAVY_SERIAL if heavy else MOST_SERIAL
 
     @functools.cached_property
     def variants(self) -> dict[tuple[bool, ...], "Kernel"]:
@@ -217,7 +217,7 @@ class _Launcher:
         self.kernel, self.taichi, self.owner = fast, taichi, owner
         self.count, self.traits = len(taichi.arguments) - 1, owner.__dict__["traits"]
         # Most particles with which the kernel's loops are serial, or of few blocks on CUDA.
-        self.below = fast.below if on_cpu() else FEW if on_cuda() else 0
+        self.most = fast.most if on_cpu() else FEW if on_cuda() else 0
         # Places of templates, numbers, vectors and arrays among the arguments, without self.
         self.templates: list[int] = []
         self.numbers: list[tuple[int, tuple[int], str]] = []
@@ -254,7 +254,7 @@ class _Launcher:
         if not self.fast or len(args) != self.count:
             return self.taichi(self.owner, *args)
         # With one thread, all kernels are serial.
-        few = self.traits.particles <= self.below and not _serial
+        few = self.traits.particles <= self.most and not _serial
         key: tuple = (few, *[args[place] for place in self.templates])
         for place, _ in self.arrays:
             array = args[place]

@@ -19,7 +19,7 @@ from msph.launches import (
     BLOCKS,
     FEW,
     FEW_BLOCKS,
-    SERIAL_BELOW,
+    MOST_SERIAL,
     Traits,
     data_oriented,
     heavy_kernel,
@@ -128,7 +128,7 @@ def test_few_particles_make_loops_serial(monkeypatch) -> None:
     traits = Traits()
     with use_traits(traits):
         scaled = Scaled(2.0)
-    for particles, loops_made_serial in ((math.inf, 0), (10, 1), (SERIAL_BELOW, 1), (10, 1)):
+    for particles, loops_made_serial in ((math.inf, 0), (10, 1), (MOST_SERIAL + 1, 1), (10, 1)):
         traits.particles = particles
         scaled.fill(SIZE, scaled.one, False, 1.5)
         assert scaled.one.to_numpy().tolist() == [3.0] * SIZE

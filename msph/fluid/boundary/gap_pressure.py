@@ -53,7 +53,7 @@ MIN_TRACE, EVEN = 1e-3, 0.02
 # buoyancy.
 AT_FACE = 1.015
 
-# A length [m] beyond any scene: bounds of no samples.
+# Length [m] larger than any scene, for the bounds of a body without samples in gaps.
 FAR = 1e9
 
 NUMBERS = ti.types.ndarray(dtype=ti.f32, ndim=2)
@@ -139,8 +139,8 @@ class GapPressure:
 
     @small_kernel
     def _find_gaps(self, count: ti.i32, every: ti.i32) -> ti.i32:
-        """Finds the samples in gaps; returns their number. every: 1 with those of which neither
-        side floats."""
+        """Finds the samples in gaps; returns their number. every: 1 to include samples at which
+        neither side floats."""
         for b in range(self.constants.bodies[None]):
             self.lo[b], self.hi[b] = vec3(FAR), vec3(-FAR)
         found = 0

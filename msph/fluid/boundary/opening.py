@@ -13,8 +13,8 @@ from msph.fluid.particles.layers import LayerSpec
 ZONE = 3.0
 # Excess width of a zone over the opening [spacings], as rows of particles may overlap its edge.
 SLACK = 0.5
-# Width by which an opening is wider for images [spacings], which are seen past its edge. Without it
-# round holes of 3 to 6 spacings radius pass 3 to 6 % less water (docs/trials.md).
+# Width by which an opening is wider for images than it is [spacings], fitted to measured
+# discharges: without it round holes of 3 to 4 spacings radius pass 6 % less water (docs/trials.md).
 EDGE = 0.1
 # Greatest distance [spacings] of an opening from the wall on which it lies, and least cosine of
 # the angle between its direction and the normal of that wall.
