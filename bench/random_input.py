@@ -15,13 +15,13 @@ from msph.scene.library import shipped_scenes
 from msph.scene.live import live_parameters
 from msph.scene.quality import at_quality, single_quality_reason
 from msph.scene.schema import Scene
-from msph.stage.controls import Inputs
+from msph.stage.controls import Inputs, ToolUse
 from msph.stage.loop import Audience, run
 from msph.stage.recording import Frame, Header, Recording
 from msph.stage.replaying import Replayer
 from msph.stage.row import Row
 from msph.stage.show import SIMULATED, Show
-from msph.stage.tools import HOVER, TOOLS, ToolUse
+from msph.stage.tools import HOVER, TOOLS
 
 # Frame times [s], and the number of frames of a gesture.
 FRAME_TIMES, FRAMES = (1.0 / 120.0, 1.0 / 24.0), (1, 12)
@@ -101,7 +101,7 @@ class Gestures:
             step = frame.frame_time or 0.0
             held += step
             place = place + step * way
-            frame.use = ToolUse.of(tool, (place, way, begin, place, down), step, held)
+            frame.use = ToolUse.of(tool.name, (place, way, begin, place, down), step, held)
             yield frame
 
     def turn(self, number: int) -> Iterator[Inputs]:

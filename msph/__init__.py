@@ -14,11 +14,11 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
-__version__ = "0.1.0"
-__all__ = ["Body", "BodyState", "Frame", "MsphError", "Particles", "Water", "open"]
+from msph.options import DEFAULT_SCENE
+from msph.version import VERSION
 
-# Scene of a command that is given no scene.
-DEFAULT_SCENE = "pool"
+__version__ = VERSION
+__all__ = ["Body", "BodyState", "Frame", "MsphError", "Particles", "Water", "open"]
 
 # Hides the banner that Taichi prints on import.
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "False")

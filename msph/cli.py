@@ -13,7 +13,6 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-import msph
 from msph import cache_folder, own_files
 from msph.device import ARCHES
 from msph.ending import exit_on_error
@@ -30,6 +29,7 @@ from msph.options import (
     PlayOptions,
     RunOptions,
 )
+from msph.version import VERSION
 
 # Range of --converge: two runs give no order; the coarsest of six would have 1/6 of the resolution.
 CONVERGENCE_RUNS = (3, 5)
@@ -133,7 +133,7 @@ force_option = click.option("--force", is_flag=True, help="Overwrite existing fi
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(msph.__version__, prog_name="msph")
+@click.version_option(VERSION, prog_name="msph")
 def cli():
     """M-SPH: real-time multi-layer SPH, large particles in the depth, small ones at the surface."""
     click.get_current_context().call_on_close(own_files.release)

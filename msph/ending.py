@@ -11,11 +11,11 @@ from typing import NoReturn
 
 import click
 
-import msph
 from msph import user_cache
 from msph.device import address_space
 from msph.errors import MsphError
 from msph.interrupts import handling, raise_interrupt
+from msph.version import VERSION
 
 # Exit codes: wrong use of the command line, and a command ended by Ctrl-C.
 USAGE_ERROR, INTERRUPTED = 2, 130
@@ -57,7 +57,7 @@ def unexpected(error: Exception) -> str:
     what = " ".join(f"{type(error).__name__}: {error}".split())
     report = user_cache.file().parent / f"crash_{time.strftime('%Y%m%d_%H%M%S')}.txt"
     command = " ".join(["msph", *sys.argv[1:]])
-    text = f"{command}\nmsph {msph.__version__}, Python {sys.version}\n\n{traceback.format_exc()}"
+    text = f"{command}\nmsph {VERSION}, Python {sys.version}\n\n{traceback.format_exc()}"
     try:
         report.parent.mkdir(parents=True, exist_ok=True)
         report.write_text(text, encoding="utf-8", errors="backslashreplace")

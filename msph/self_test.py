@@ -13,7 +13,6 @@ from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 
-import msph
 from msph import user_cache
 from msph.gpu_name import gpu_name
 
@@ -41,7 +40,7 @@ def failed_test(arch: str) -> str | None:
 
 def in_own_process(arch: str) -> str:
     """Runs the tests in a new process; returns PASSED, CRASHED, SLOW or a failed test's name."""
-    package = str(Path(msph.__file__).parent.parent)
+    package = str(Path(__file__).parent.parent)
     path = os.pathsep.join(p for p in (package, os.environ.get("PYTHONPATH")) if p)
     command = [sys.executable, "-m", "msph.self_test", arch]
     try:

@@ -10,14 +10,14 @@ from typing import Any, TypeVar
 import click
 import platformdirs
 
-import msph
+from msph.version import VERSION
 
 T = TypeVar("T")
 
 
 def file() -> Path:
     """Returns the path of the cache file of this version."""
-    return platformdirs.user_cache_path("msph") / f"measured-{msph.__version__}.json"
+    return platformdirs.user_cache_path("msph") / f"measured-{VERSION}.json"
 
 
 def recall(key: str, kind: type[T]) -> T | None:

@@ -56,6 +56,11 @@ class MovingBox:
         as inertia, so that potential energy is defined."""
         return self._gravity(self.path(self.start)[1])
 
+    @property
+    def up(self) -> np.ndarray:
+        """Vertical unit vector (3,) in the frame of the box at the start."""
+        return (self.tilt @ self.path(self.start)[1]).T @ np.array((0.0, 1.0, 0.0))
+
     def _gravity(self, turned: np.ndarray) -> Vec3:
         return as_vector((self.tilt @ turned).T @ np.array(self.world_gravity))
 

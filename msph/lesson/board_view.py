@@ -8,7 +8,7 @@ import taichi as ti
 from msph.lesson.course import Progress
 from msph.lesson.guide import Guide
 from msph.picture.pixels import Image
-from msph.stage.controls import ACTIONS
+from msph.stage.keys import ACTIONS
 from msph.stage.window import Window
 
 

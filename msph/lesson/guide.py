@@ -8,8 +8,8 @@ from msph.lesson.course import Progress
 from msph.lesson.load import Course
 from msph.lesson.paint import LETTERS, Band, Reasons, band_height
 from msph.picture.overlay import Overlay
-from msph.stage.controls import ACTIONS
 from msph.stage.input_overlay import InputOverlay
+from msph.stage.keys import ACTIONS
 from msph.stage.pages import text_height
 from msph.stage.row import Row
 from msph.stage.widgets import Grip, Slider

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-import msph
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.simulation import Simulation
 from msph.measure import account, survey
@@ -22,6 +21,7 @@ from msph.measure.timings import Timings
 from msph.own_files import replace
 from msph.scene.schema import Scene
 from msph.scene.water import specified_mass
+from msph.version import VERSION
 
 
 def origin(scene: Scene, name: str, arch: str) -> dict[str, Any]:
@@ -33,7 +33,7 @@ def origin(scene: Scene, name: str, arch: str) -> dict[str, Any]:
         "date": datetime.datetime.now().astimezone().isoformat(timespec="seconds"),
         "machine": machine(),
         "arch": arch,
-        "msph": msph.__version__,
+        "msph": VERSION,
         "taichi": ".".join(map(str, ti.__version__)),
         "python": platform.python_version(),
     }

@@ -14,7 +14,6 @@ import numpy as np
 import psutil
 from pydantic import TypeAdapter
 
-import msph
 from msph import user_cache
 from msph.measure.past import read_state
 from msph.scene.errors import SceneError
@@ -24,6 +23,7 @@ from msph.stage.replaying import Relay
 from msph.stage.row import Row
 from msph.stage.show import SESSION
 from msph.stage.window import ClosedError
+from msph.version import VERSION
 
 # Wall-clock time between two files [s].
 INTERVAL = 5.0
@@ -65,7 +65,7 @@ class Autosave:
         """Begins to write a state of a choice with changed live parameters."""
         overrides = self.arguments.overrides_of(choice.scene)
         names = full_name(choice.scene), choice.quality_now, overrides
-        about = About(msph.__version__, self.began, *names, changes)
+        about = About(VERSION, self.began, *names, changes)
         return self.writer.submit(self._write, {**state, SESSION: json.dumps(asdict(about))})
 
     def _write(self, state: dict[str, Any]) -> None:
@@ -126,7 +126,7 @@ def lost_session(arguments: SceneArguments) -> LostSession | None:
     """Returns the last session that ended by a crash and can go on with these arguments."""
     for path in sorted(_left(), key=lambda p: p.stat().st_mtime, reverse=True):
         about = _about(path)
-        if about and about.msph == msph.__version__:
+        if about and about.msph == VERSION:
             with contextlib.suppress(SceneError):
                 full_name(about.scene)
                 if about.overrides == arguments.overrides_of(about.scene):

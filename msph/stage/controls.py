@@ -1,70 +1,50 @@
-"""Inputs and Controls: user input for one frame, and the keys and gestures that produce it."""
+"""User input for one frame: Inputs act on the simulation and are recorded, Controls are all."""
 
 from dataclasses import dataclass, field, fields
 from typing import Annotated
 
-from pydantic import Field, NonNegativeFloat
+import numpy as np
+from pydantic import ConfigDict, Field, NonNegativeFloat
 
-from msph.fluid.external_forces import Hand
-from msph.stage.tools import MAX_FRAME_TIME, STRICT, TOOLS, Number, ToolUse
+from msph.fluid.external_forces import Hand, as_vector
+
+# Largest simulated time of a frame [s].
+MAX_FRAME_TIME = 1.0
+
+# Recorded input: no unknown keys, and finite numbers of limited size [m, m/s, rad, s].
+STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
+Number = Annotated[float, Field(ge=-1e6, le=1e6)]
+Time = Annotated[float, Field(ge=0.0, le=1e6)]
+Vector = tuple[Number, Number, Number]
 
 
 @dataclass(frozen=True)
-class Key:
-    """Help entry of one or more keys. label: keys in words; effect: help text; keys: names in the
-    window library, each with its action; hint: short invitation to try them."""
+class ToolUse:
+    """Use of a tool in a frame, as recorded.
 
-    label: str
-    effect: str
-    keys: dict[str, str]
-    hint: str = ""
+    place [m], velocity [m/s]: of a hand, in the box frame, that moves in the plane facing the
+    camera through `start` [m], where the button was pressed; surface [m]: the water under the
+    cursor, or the place; direction of the cursor's ray; held [s]: simulated time since the press;
+    step [s]: the part of `held` in this frame.
+    """
 
+    tool: str
+    place: Vector
+    velocity: Vector
+    start: Vector
+    surface: Vector
+    direction: Vector
+    step: Annotated[float, Field(ge=0.0, le=MAX_FRAME_TIME)]
+    held: Time
 
-# Source of the key bindings and of the help page.
-KEYS = (
-    Key(
-        "left drag",
-        "use the active tool, first: push the water",
-        {"LMB": "push"},
-        "drag: push the water",
-    ),
-    *(Key(tool.key, tool.effect, {tool.key: f"tool {tool.name}"}) for tool in TOOLS),
-    Key(
-        "arrow keys",
-        "tilt the pool",
-        dict.fromkeys(("Left", "Right", "Up", "Down"), "tilt"),
-        "arrows: tilt",
-    ),
-    Key("j", "jolt the pool", {"j": "jolt"}),
-    Key("l", "lock the tilt, or level the pool again", {"l": "lock"}),
-    Key(
-        "right drag, a, d",
-        "orbit the camera",
-        {"RMB": "orbit", "a": "orbit", "d": "orbit"},
-        "right drag: orbit",
-    ),
-    Key("w, s", "zoom in and out", {"w": "zoom", "s": "zoom"}),
-    Key("middle drag", "pan the camera; also shift and right drag", {"MMB": "pan"}),
-    Key("return", "reset the camera and the tilt", {"Return": "home"}),
-    Key("space", "pause and resume", {" ": "pause"}, "space: pause"),
-    Key("n", "single step while paused", {"n": "single_step"}),
-    Key("m", "slow motion on and off", {"m": "slow_motion"}),
-    Key("r", "reset the simulation", {"r": "reset"}),
-    Key("v", "next view: water, speed, layers, pressure, ...", {"v": "next_view"}, "v: views"),
-    Key("x", "slice: hide or show the near half of the particles", {"x": "slice"}),
-    Key("left click", "select a particle and show its neighbours (in a particle view)", {}),
-    Key("i", "panel: settings and scenes, graphs, or none", {"i": "next_panel"}, "i: settings"),
-    Key(
-        "tab, backspace",
-        "next and previous scene",
-        {"Tab": "next_scene", "BackSpace": "previous_scene"},
-    ),
-    Key("p, c", "save an image, a clip of the last 10 s, in out/", {"p": "picture", "c": "clip"}),
-    Key("k, o", "save a checkpoint, open the newest one", {"k": "keep", "o": "reopen"}),
-    Key("h", "help", {"h": "help"}, "h: help"),
-    Key("q, escape", "quit", {"q": "quit", "Escape": "quit"}),
-)
-ACTIONS = {name: action for key in KEYS for name, action in key.keys.items()}
+    @classmethod
+    def of(cls, tool: str, vectors: tuple[np.ndarray, ...], step: float, held: float):
+        """Returns the use of a tool, given by its name; vectors: place, velocity, start, surface
+        and direction."""
+        place, velocity, start, surface, direction = (as_vector(v) for v in vectors)
+        return cls(tool, place, velocity, start, surface, direction, step, held)
+
+    __pydantic_config__ = STRICT
 
 
 @dataclass

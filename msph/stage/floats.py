@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,9 +15,7 @@ from msph.fluid.boundary.rigid_bodies import (
     volume,
 )
 from msph.fluid.external_forces import Hand, as_vector
-
-if TYPE_CHECKING:
-    from msph.stage.tools import Touch
+from msph.stage.touch import Touch
 
 # Radius of a thrown ball, and half the edge of a thrown cube, over the box's longest edge; least
 # value of both in finest spacings; density over the water's.
@@ -56,27 +53,26 @@ def floating_at(
     return which, eye + near * direction
 
 
-def use(touch: "Touch") -> Hand:
-    """Drags the floating body that the press began on; a press elsewhere throws in a new body."""
-    show = touch.show
-    boundary = show.simulation.boundary
+def use(touch: Touch) -> Hand:
+    """Drags the floating body that the press began on; a press elsewhere throws in a new body.
+    Keeps the number of the floating body, and its centre relative to the cursor [m]."""
+    boundary = touch.simulation.boundary
     if touch.began:
         eye = touch.place - 2.0 * float(np.linalg.norm(touch.size)) * touch.direction
         hit = floating_at(boundary, eye, touch.direction)
-        show.dragged = None
         if hit and np.linalg.norm(hit[1] - touch.place) < bounding_radius(boundary.bodies[hit[0]]):
             k = int(np.searchsorted(boundary.floating.which, hit[0]))
-            show.dragged = k, boundary.floating.x[k] - touch.place
+            touch.kept = k, boundary.floating.x[k] - touch.place
         else:
             _throw(touch)
-    elif show.dragged is not None:
-        _drag(touch, *show.dragged)
+    elif touch.kept is not None:
+        _drag(touch, *touch.kept)
     return Hand()
 
 
-def _drag(touch: "Touch", k: int, offset: np.ndarray) -> None:
+def _drag(touch: Touch, k: int, offset: np.ndarray) -> None:
     """Gives floating body k the velocity at which it follows the cursor, `offset` [m] from it."""
-    floating = touch.show.simulation.boundary.floating
+    floating = touch.simulation.boundary.floating
     if floating.held[k]:
         return
     longest = float(touch.size.max())
@@ -85,20 +81,20 @@ def _drag(touch: "Touch", k: int, offset: np.ndarray) -> None:
     wanted *= min(1.0, most / max(float(np.linalg.norm(wanted)), 1e-9))
     change = np.zeros((floating.count, 3))
     change[k] = floating.mass[k] * (wanted - floating.v[k])
-    impulses, middle = touch.show.simulation.world.parts.impulses, 0.5 * (wanted + floating.v[k])
+    impulses, middle = touch.simulation.world.parts.impulses, 0.5 * (wanted + floating.v[k])
     impulses.add_user(as_vector(change[k]), float(change[k] @ middle))
     floating.push(change, np.zeros_like(change))
 
 
-def _throw(touch: "Touch") -> None:
+def _throw(touch: Touch) -> None:
     """Throws a ball onto the water, or a cube if the number of floating bodies is odd."""
-    show = touch.show
-    half = max(SIZE * float(touch.size.max()), LEAST_SIZE * show.simulation.layers.finest.spacing)
+    number = touch.simulation.boundary.floating.count
+    half = max(SIZE * float(touch.size.max()), LEAST_SIZE * touch.spacing)
     x, velocity = touch.aim(ROOM * half, DISTANCE * half, SPEED)
     motion = Motion(as_vector(velocity))
     body: Ball | Block = Ball(x, half, motion)
-    if show.simulation.boundary.floating.count % 2:
+    if number % 2:
         body = Block(x - half, x + half, motion)
-    density = DENSITY * show.simulation.layers.finest.density
-    paint = PAINTS[show.simulation.boundary.floating.count % len(PAINTS)]
-    show.add_body(replace(body, mass=density * volume(body), albedo=paint))
+    density = DENSITY * touch.simulation.layers.finest.density
+    paint = PAINTS[number % len(PAINTS)]
+    touch.add_body(replace(body, mass=density * volume(body), albedo=paint))

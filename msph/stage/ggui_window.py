@@ -13,7 +13,7 @@ import numpy as np
 import taichi as ti
 
 from msph.picture.pixels import pack
-from msph.stage.controls import ACTIONS, KEYS
+from msph.stage.keys import ACTIONS, KEYS
 from msph.stage.lost_display import DisplayGuard
 from msph.stage.start_screen import StartScreen
 from msph.stage.window import (

@@ -3,7 +3,7 @@
 import math
 
 from msph.scene.schema import Scene
-from msph.stage.controls import KEYS, Key
+from msph.stage.keys import KEYS, Key
 
 # Time without input before the sway starts [s]; time in which the sway grows and fades [s].
 IDLE_DELAY, RAMP_TIME = 3.0, 2.0

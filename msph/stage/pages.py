@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from msph.stage.controls import KEYS
+from msph.stage.keys import KEYS
 
 # Text height over the window's height, and least legible height [pixels].
 TEXT, LEAST_TEXT = 1.0 / 30.0, 12

@@ -1,7 +1,6 @@
 """End wall of the box that the user drags: a piston until the wall is back in its place."""
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,12 +8,9 @@ from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.pistons import Stroke
 from msph.fluid.boundary.rigid_bodies import bounding_radius, half_extents
 from msph.fluid.external_forces import Hand
-from msph.fluid.simulation import FullError
+from msph.fluid.simulation import FullError, Simulation
 from msph.stage import taps
-
-if TYPE_CHECKING:
-    from msph.stage.show import Show
-    from msph.stage.tools import Touch
+from msph.stage.touch import Touch
 
 # Longest stroke over the length of the box; its least value, and gap to bodies and openings, in
 # finest spacings.
@@ -28,50 +24,48 @@ FRAMES = 3.0
 HOME = 0.02
 
 
-def use(touch: "Touch") -> Hand:
-    """Drags the end wall nearest to the press along the longer side of the box."""
-    show, size = touch.show, touch.size
+def use(touch: Touch) -> Hand:
+    """Drags the end wall nearest to the press along the longer side of the box. Keeps the place of
+    the wall [m] at the press, and its longest stroke [m]."""
+    sim, size = touch.simulation, touch.size
     axis = 0 if size[0] >= size[2] else 2
     stroke = Stroke(1 << axis if touch.start[axis] < 0.5 * size[axis] else 8 << axis)
-    sim = show.simulation
     if touch.began:
-        show.grip = None
-        taps.close(show)
+        taps.close(sim)
         if sim.piston and sim.piston.wall != stroke.wall:
             sim.remove_piston()
-        longest = _longest(show, stroke)
+        longest = _longest(sim, stroke)
         if not sim.piston:
             sim.add_piston(stroke)
-        show.grip = sim.piston.at(sim.time)[0], longest  # type: ignore[union-attr]
-    if show.grip is not None and sim.piston:
-        before, longest = show.grip
+        touch.kept = sim.piston.at(sim.time)[0], longest  # type: ignore[union-attr]
+    if touch.kept is not None and sim.piston:
+        before, longest = touch.kept
         way = before + (touch.place - touch.start) @ stroke.inwards
-        show.wall_place = float(np.clip(way, 0.0, longest))
+        touch.wall = float(np.clip(way, 0.0, longest))
     return Hand()
 
 
-def follow(show: "Show", step: float) -> None:
-    """Lets the piston of a show, if any, follow the user in a frame of `step` [s], or return to its
-    wall, where the piston is removed."""
-    sim, held, show.wall_place = show.simulation, show.wall_place, None
+def follow(sim: Simulation, gravity: float, step: float, asked: float | None) -> None:
+    """Lets the piston of a simulation, if any, follow the user to the place `asked` [m] in a frame
+    of `step` [s], or return to its wall, where the piston is removed; gravity [m/s^2]."""
     if sim.piston is None:
         return
     place, speed = sim.piston.at(sim.time)
-    if held is None and place < HOME * sim.layers.finest.spacing:
+    if asked is None and place < HOME * sim.layers.finest.spacing:
         sim.remove_piston()
         return
-    gravity, length = show.tool_gravity, max(sim.size)
-    way, unit = (held or 0.0) - place, math.sqrt(length / gravity)
+    length = max(sim.size)
+    way, unit = (asked or 0.0) - place, math.sqrt(length / gravity)
     fastest, change = SPEED * length / unit, ACCELERATION * gravity * step
     wanted = way / max(REACHING * unit, FRAMES * step)
     wanted = min(max(wanted, -fastest, speed - change), fastest, speed + change)
     sim.piston.steer(sim.time, wanted, step)
 
 
-def _longest(show: "Show", stroke: Stroke) -> float:
+def _longest(sim: Simulation, stroke: Stroke) -> float:
     """Returns the longest stroke [m] of a wall. Raises FullError without room."""
-    sim, axis = show.simulation, stroke.axis
-    boundary, length = sim.boundary, sim.size[axis]
+    axis, boundary = stroke.axis, sim.boundary
+    length = sim.size[axis]
     spans = [_span(boundary, b, axis) for b in range(boundary.count) if _stays(boundary, b)]
     for opening in sim.openings.all:
         reach = max(opening.half) * math.sqrt(2.0)

@@ -11,10 +11,11 @@ from msph.picture.camera import Camera
 from msph.stage.autosave import LostSession, forget
 from msph.stage.called import Choice, SceneArguments
 from msph.stage.clip import Clip
-from msph.stage.controls import ACTIONS, Controls
+from msph.stage.controls import Controls
 from msph.stage.idle import Idle
 from msph.stage.input_overlay import InputOverlay
 from msph.stage.keepsakes import SAVING, Saver
+from msph.stage.keys import ACTIONS
 from msph.stage.layout import Layout
 from msph.stage.loop import Audience
 from msph.stage.menu import Menu

@@ -46,8 +46,8 @@ def play(scene: str | None, options: PlayOptions, run: RunOptions) -> None:
             ends.enter_context(completing(process.kill))
             start(run.arch, run.threads)
             with importing():
-                from msph.stage.controls import KEYS
                 from msph.stage.ggui_window import GguiWindow
+                from msph.stage.keys import KEYS
             window = GguiWindow(first.title or scene, options.size)
         except NoWindowError as reason:
             ends.close()

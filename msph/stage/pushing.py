@@ -4,9 +4,10 @@ from typing import Any
 
 import numpy as np
 
+from msph.stage.controls import ToolUse
 from msph.stage.row import Row
 from msph.stage.show import Show
-from msph.stage.tools import HOVER, PRESS_TIME, Tool, ToolUse
+from msph.stage.tools import HOVER, PRESS_TIME, Tool
 
 
 class Contact:
@@ -45,7 +46,7 @@ class Contact:
         self.held += step
         surface = self.place if hit is None else hit
         vectors = self.place, velocity, self.start, surface, direction
-        return ToolUse.of(tool, vectors, step, self.held)
+        return ToolUse.of(tool.name, vectors, step, self.held)
 
     @property
     def clicked(self) -> bool:
@@ -65,7 +66,7 @@ class Contact:
             return None
         direction = show.display.ray(*(cursor * show.display.picture.size))[1]
         vectors = hit, (hit - before) / step, hit, hit, direction
-        return ToolUse.of(HOVER, vectors, step, step)
+        return ToolUse.of(HOVER.name, vectors, step, step)
 
     def let_go(self) -> None:
         self.place, self.holds = None, False

@@ -13,14 +13,14 @@ from typing import Literal, TypeVar
 import click
 from pydantic import NonNegativeFloat, NonNegativeInt, TypeAdapter, ValidationError
 
-import msph
 from msph.errors import BadInputError, did_you_mean
-from msph.options import RunOptions
+from msph.options import DEFAULT_SCENE, RunOptions
 from msph.scene.live import live_parameters
 from msph.scene.schema import Scene
 from msph.stage.called import full_name
-from msph.stage.controls import Inputs
-from msph.stage.tools import BY_NAME, STRICT
+from msph.stage.controls import STRICT, Inputs
+from msph.stage.tools import BY_NAME
+from msph.version import VERSION
 
 T = TypeVar("T")
 
@@ -46,7 +46,7 @@ class Header:
     @classmethod
     def of(cls, scene: str, quality: str, *more: tuple[str, ...]) -> "Header":
         """Returns the header of a recording that starts now."""
-        return cls(1, msph.__version__, full_name(scene), quality, *more)
+        return cls(1, VERSION, full_name(scene), quality, *more)
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ def with_recording(
     recording's overrides come first. Raises RecordingError, and UsageError if both a scene and a
     recording are given."""
     if path is None:
-        return scene or msph.DEFAULT_SCENE, run, None
+        return scene or DEFAULT_SCENE, run, None
     if scene:
         raise click.UsageError(f"SCENE and --replay exclude each other: {path} names its scene")
     recording = read(path)

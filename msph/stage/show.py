@@ -11,10 +11,8 @@ from typing import Any
 import numpy as np
 
 from msph.errors import MsphError
-from msph.fluid.boundary.rigid_bodies import Body
-from msph.fluid.external_forces import Hand, Vec3
+from msph.fluid.boundary.rim import AllSpiltError
 from msph.fluid.moving_box import MovingBox
-from msph.fluid.simulation import FullError
 from msph.fluid.stages import Stage, no_stage
 from msph.measure.bulk import bulk_density
 from msph.measure.ledger import Ledger
@@ -25,13 +23,12 @@ from msph.own_files import replacing
 from msph.scene.build import build_simulation
 from msph.scene.errors import SceneError
 from msph.scene.schema import Scene
-from msph.stage import pistons
-from msph.stage.advance import advance
 from msph.stage.controls import Controls, Inputs
 from msph.stage.display import Display
 from msph.stage.pose import Pose
 from msph.stage.shown_scene import ShownScene
-from msph.stage.tools import BY_NAME, ToolUse, Touch
+from msph.stage.stops import Stops
+from msph.stage.tools import Toolbox
 from msph.state import Moment, State, state_of
 from msph.surface import SurfaceMesh
 
@@ -39,9 +36,6 @@ from msph.surface import SurfaceMesh
 SESSION = "session"
 # The first step after a start differs from later ones.
 WARM_UP_FRAMES = 2
-
-# Gravity for the speeds of tools in weightless scenes [m/s^2].
-LEAST_GRAVITY = 1.0
 
 # Options of an interactive show: those on which the simulation depends, and all options. Solver
 # residuals are measured only every 0.1 s, since they need a neighbour search.
@@ -54,7 +48,7 @@ class Show(ShownScene):
 
     frame_time [s]: default simulated time of a frame. size, meshes: see Display. density_every [s]:
     see Ledger. stop_bodies: instead of an error, a body that traps water stops, and the scene
-    begins again when all water is spilt; stopped: names of stopped bodies. interactive: frames
+    begins again when all water is spilt. interactive: frames
     may set the image scale, and compile kernels that the first image does not need. free_steps:
     steps need not end with frames, unless the user turns the box or moves a wall, whose motion is
     given by frame. simulated [s]: time simulated by the last frame. spare, room: see
@@ -91,22 +85,12 @@ class Show(ShownScene):
         self.size, self.meshes = size, meshes
         self.stop_bodies, self.interactive = stop_bodies, interactive
         self.free_steps = free_steps
-        self.stopped: set[str] = set()
-        # Floating body that the user drags: its index, and its centre relative to the cursor [m].
-        self.dragged: tuple[int, np.ndarray] | None = None
-        # Centre [m] and radius [m] of a hand that images show.
-        self.ball: tuple[Vec3, float] | None = None
-        # While the user drags an end wall: its place [m] at the press and longest stroke [m]; its
-        # requested place in this frame [m].
-        self.grip: tuple[float, float] | None = None
-        self.wall_place: float | None = None
         self.simulation = build_simulation(scene, spare, room)
-        self.counts = self.simulation.counts()
+        self.counts, self.stops = self.simulation.counts(), Stops(self.simulation)
         self.ledger = Ledger(self.simulation, density_every)
         self.frames = self.resets = 0
         self.later: list[Callable[[], Any]] = []  # compile kernels in later frames
-        self.pose = Pose(scene)
-        self.rng = np.random.default_rng(scene.seed)  # of drops that the user adds
+        self.pose, self.tools = Pose(scene), Toolbox(self.simulation, scene.seed)
         self.now = Moment()
         self._observe(self._box())
         if size or meshes:
@@ -171,7 +155,7 @@ class Show(ShownScene):
     def close(self) -> None:
         """Drops all parts, so that another simulation can use their memory."""
         self.simulation.close()
-        for part in ("simulation", "ledger", "display", "state"):
+        for part in ("simulation", "tools", "stops", "ledger", "display", "state"):
             setattr(self, part, None)
 
     def frame(self, controls: Controls) -> None:
@@ -187,7 +171,7 @@ class Show(ShownScene):
         external, self.simulated = self._moving_box(controls), 0.0
         if not controls.still:
             with self._stage("fluid"):
-                self.simulated = advance(self, controls, external)
+                self.simulated = self._advance(controls, external)
                 if self.simulation.openings.waiting:
                     self.note = self.simulation.openings.message() or ""
             if self.simulated > 0.0:
@@ -201,53 +185,48 @@ class Show(ShownScene):
         if self.timings:
             self.timings.close_frame()
 
+    def _advance(self, controls: Controls, external: MovingBox) -> float:
+        """Advances the fluid by a frame and returns the simulated time [s]."""
+        sim, frame_time = self.simulation, controls.frame_time or self.frame_time
+        frame = partial(
+            sim.advance,
+            frame_time,
+            external,
+            self.substage,
+            controls.budget,
+            self.clock,
+            self.on_progress,
+            controls.until,
+            self.free_steps and not (external.turned_by_hand or sim.piston),
+        )
+        if not self.stop_bodies:
+            return frame()
+        try:
+            simulated = self.stops.advance(frame_time, frame)
+        except AllSpiltError as error:
+            self.reset()
+            self.note = f"{error}: the scene begins again"
+            return 0.0
+        self.note = self.stops.note or self.note
+        return simulated
+
     def _moving_box(self, controls: Controls) -> MovingBox:
         """Sets the tilt, uses the tool, and returns the external forces of the frame: gravity,
         hand, and the inertia of the scene's motion and of the user's tilt."""
         self.pose.take(controls, self.simulation.time)
-        self.ball = None
         if controls.still:
+            self.tools.ball = None
             self.pose.pause()
             return self._box()
-        hand = self._use_tool(controls.use) if controls.use else controls.hand
         step = controls.frame_time or self.frame_time
-        pistons.follow(self, step)
+        hand = self.tools.frame(controls.use, self.scene.play, self._box(), step)
+        self.note = self.tools.note or self.note
+        hand = hand if controls.use else controls.hand
         return self.pose.turn(self.scene.gravity, self.simulation.time, step, hand)
 
     def _box(self) -> MovingBox:
         """Returns the moving box now, without a hand and without a turn by the user."""
         return self.pose.at_rest(self.scene.gravity, self.simulation.time)
-
-    def _use_tool(self, use: ToolUse) -> Hand:
-        """Returns the hand of a tool, which may also add water."""
-        tool, touch = BY_NAME[use.tool], Touch(self, use)
-        if tool.ball:
-            self.ball = use.place, touch.radius
-        try:
-            return tool.act(touch)
-        except FullError as error:
-            self.note = str(error)
-            return Hand()
-
-    def add_water(self, x: np.ndarray, v: np.ndarray) -> None:
-        """Adds particles of the finest layer at x [m] with velocities v [m/s], (n, 3), where there
-        is room. Raises FullError."""
-        sim = self.simulation
-        layer = sim.layers.finest_index
-        sim.add(x.astype(np.float32), v.astype(np.float32), layer, self.gravity_in_box())
-
-    def add_body(self, body: Body) -> None:
-        """Adds a floating body until the next reset. Raises FullError."""
-        self.simulation.add_body(body, self.gravity_in_box())
-
-    @property
-    def tool_gravity(self) -> float:
-        """Absolute value of gravity [m/s^2] for the speeds of tools."""
-        return max(math.hypot(*self.scene.gravity), LEAST_GRAVITY)
-
-    def gravity_in_box(self) -> Vec3:
-        """Returns gravity [m/s^2] in the box frame at the current tilt."""
-        return self._box().gravity
 
     def keep(self, checkpoint: Path) -> None:
         """Saves a checkpoint."""
@@ -293,11 +272,11 @@ class Show(ShownScene):
         self.pose.reset(self.simulation.time)
         if self.draws:
             self.display.reset()
-        self.stopped.clear()
-        self.dragged = self.grip = self.wall_place = None
+        self.stops.stopped.clear()
         self.counts = self.simulation.counts()
         self.ledger.clear()
-        self.simulated, self.ball = 0.0, None
+        self.simulated = 0.0
+        self.tools.reset()
         self._observe(self._box())
 
     def _observe(self, external: MovingBox) -> None:
@@ -313,13 +292,13 @@ class Show(ShownScene):
             gravity=external.gravity,
             hand=external.hand,
             top_speed=last.top_speed if last else 0.0,
-            ball=self.ball,
+            ball=self.tools.ball,
             spilt=sim.rim.mass,
             energy=last.energy if last else math.nan,
             solver_residual=self.now.solver_residual if last and math.isnan(residual) else residual,
             fluid=self.timings.spent("fluid") if self.timings else 0.0,
             resets=self.resets,
-            stopped=frozenset(self.stopped),
+            stopped=frozenset(self.stops.stopped),
             waiting=sim.openings.message() or "",
         )
 

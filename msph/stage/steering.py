@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from msph.stage.controls import ToolUse
 from msph.stage.pushing import Contact
 from msph.stage.row import Row
-from msph.stage.tools import TOOLS, ToolUse
+from msph.stage.tools import TOOLS
 from msph.stage.window import BUTTONS, Window
 
 ORBIT_PER_WIDTH = math.radians(200.0)  # orbit of a drag across the window's width [rad]

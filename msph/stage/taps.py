@@ -1,16 +1,11 @@
 """A tap and a drain at the cursor, open while the button is down."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from msph.fluid.boundary.opening import ZONE, Opening, Valve
 from msph.fluid.external_forces import Hand
-from msph.fluid.simulation import FullError
-
-if TYPE_CHECKING:
-    from msph.stage.show import Show
-    from msph.stage.tools import Touch
+from msph.fluid.simulation import FullError, Simulation
+from msph.stage.touch import Touch
 
 # Radius of tap and drain over the box's longest edge, and least radius in finest spacings.
 RADIUS, LEAST_RADIUS = 0.05, 1.6
@@ -22,11 +17,10 @@ DRAIN_SPEED = 1.5
 HOLD = 1.5
 
 
-def tap(touch: "Touch") -> Hand:
+def tap(touch: Touch) -> Hand:
     """Pours water from above the point at which the press began, as soon as there is room."""
-    if touch.began or not touch.show.simulation.added_openings:
-        size, d = touch.size, touch.show.simulation.layers.finest.spacing
-        radius = _radius(touch)
+    if touch.began or not touch.simulation.added_openings:
+        size, d, radius = touch.size, touch.spacing, _radius(touch)
         # The zone above the tap must be inside the box.
         least = np.array([radius, d, radius])
         most = size - np.array([radius, (ZONE + 0.1) * d, radius])
@@ -35,7 +29,7 @@ def tap(touch: "Touch") -> Hand:
     return _keep_open(touch)
 
 
-def drain(touch: "Touch") -> Hand:
+def drain(touch: Touch) -> Hand:
     """Removes water at the floor below the point at which the press began."""
     if touch.began:
         radius, (x, _, z) = _radius(touch), touch.surface
@@ -45,15 +39,14 @@ def drain(touch: "Touch") -> Hand:
     return _keep_open(touch)
 
 
-def _radius(touch: "Touch") -> float:
-    least = LEAST_RADIUS * touch.show.simulation.layers.finest.spacing
-    return max(RADIUS * float(touch.size.max()), least)
+def _radius(touch: Touch) -> float:
+    return max(RADIUS * float(touch.size.max()), LEAST_RADIUS * touch.spacing)
 
 
-def _open(touch: "Touch", centre: np.ndarray, speed: float, enters: bool) -> None:
+def _open(touch: Touch, centre: np.ndarray, speed: float, enters: bool) -> None:
     """Replaces the opening of the last press. Raises FullError without room for it."""
-    show, sim = touch.show, touch.show.simulation
-    close(show)
+    sim = touch.simulation
+    close(sim)
     opening = Opening(
         centre,
         np.array((0.0, -1.0, 0.0)),
@@ -63,22 +56,21 @@ def _open(touch: "Touch", centre: np.ndarray, speed: float, enters: bool) -> Non
         layer=sim.layers.finest_index,
     )
     try:
-        sim.add_opening(opening, show.gravity_in_box())
+        sim.add_opening(opening, touch.box.gravity)
     except FullError:
         raise
     except ValueError as error:
         raise FullError(f"there is no room here: the opening {error}") from None
 
 
-def close(show: "Show") -> None:
+def close(sim: Simulation) -> None:
     """Removes the opening of the last press."""
-    for opening in show.simulation.added_openings:
-        show.simulation.remove_opening(opening)
-
-
-def _keep_open(touch: "Touch") -> Hand:
-    sim = touch.show.simulation
     for opening in sim.added_openings:
+        sim.remove_opening(opening)
+
+
+def _keep_open(touch: Touch) -> Hand:
+    for opening in touch.simulation.added_openings:
         assert isinstance(opening.speed, Valve)
-        opening.speed.until = sim.time + HOLD * touch.step
+        opening.speed.until = touch.simulation.time + HOLD * touch.step
     return Hand()

@@ -3,19 +3,17 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
-from pydantic import ConfigDict, Field
 
 from msph.fluid.external_forces import Hand, Vec3, as_vector
+from msph.fluid.moving_box import MovingBox
+from msph.fluid.simulation import FullError, Simulation
+from msph.scene.observation import Play
 from msph.stage import floats, pistons, taps
+from msph.stage.controls import ToolUse
+from msph.stage.touch import LEAST_RADIUS, Touch, least_gravity
 
-if TYPE_CHECKING:
-    from msph.stage.show import Show
-
-# Least radius of a hand in finest spacings, below which it slips between the particles.
-LEAST_RADIUS = 1.5
 # Least duration of a press [s], also of a shorter click. During this time a push goes down at
 # POKE_SPEED sqrt(g R) within POKE_RADIUS R, R the push radius: a click makes a ring wave.
 PRESS_TIME, POKE_SPEED, POKE_RADIUS = 0.1, 0.8, 0.6
@@ -34,98 +32,6 @@ RAIN_RATE, RAIN_EVERY, RAIN_RADIUS, RAIN_HEIGHT, RAIN_SPEED = 40.0, 0.1, 0.8, 0.
 # and speed over sqrt(g L) of the box's longest edge L.
 BALL_RADIUS, BALL_DISTANCE, BALL_SPEED = 0.08, 3.0, 0.7
 
-# Largest speed of a hand over sqrt(g L) of the box's longest edge L: faster cursors jump.
-HAND_SPEED = 30.0
-# Largest simulated time of a frame [s].
-MAX_FRAME_TIME = 1.0
-
-# Recorded input: no unknown keys, and finite numbers of limited size [m, m/s, rad, s].
-STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
-Number = Annotated[float, Field(ge=-1e6, le=1e6)]
-Time = Annotated[float, Field(ge=0.0, le=1e6)]
-Vector = tuple[Number, Number, Number]
-
-
-@dataclass(frozen=True)
-class ToolUse:
-    """Use of a tool in a frame, as recorded.
-
-    place [m], velocity [m/s]: of a hand, in the box frame, that moves in the plane facing the
-    camera through `start` [m], where the button was pressed; surface [m]: the water under the
-    cursor, or the place; direction of the cursor's ray; held [s]: simulated time since the press;
-    step [s]: the part of `held` in this frame.
-    """
-
-    tool: str
-    place: Vector
-    velocity: Vector
-    start: Vector
-    surface: Vector
-    direction: Vector
-    step: Annotated[float, Field(ge=0.0, le=MAX_FRAME_TIME)]
-    held: Time
-
-    @classmethod
-    def of(cls, tool: "Tool", vectors: tuple[np.ndarray, ...], step: float, held: float):
-        """Returns the use of a tool; vectors: place, velocity, start, surface and direction."""
-        place, velocity, start, surface, direction = (as_vector(v) for v in vectors)
-        return cls(tool.name, place, velocity, start, surface, direction, step, held)
-
-    __pydantic_config__ = STRICT
-
-
-class Touch:
-    """Use of a tool on the water of a show; attributes as in ToolUse, with arrays (3,)."""
-
-    def __init__(self, show: "Show", use: ToolUse):
-        self.show, self.step, self.held = show, use.step, use.held
-        self.place, self.velocity = np.array(use.place), np.array(use.velocity)
-        self.start, self.surface = np.array(use.start), np.array(use.surface)
-        self.direction = np.array(use.direction)
-
-    @property
-    def began(self) -> bool:
-        """True in the frame of the press."""
-        return self.held == self.step
-
-    @property
-    def size(self) -> np.ndarray:
-        """Edges of the box [m]."""
-        return np.array(self.show.simulation.size)
-
-    @property
-    def radius(self) -> float:
-        """Radius of a push [m]."""
-        least = LEAST_RADIUS * self.show.simulation.layers.finest.spacing
-        return max(self.show.scene.play.push_radius * float(self.size.max()), least)
-
-    def aim(self, room: float, back: float, speed: float) -> tuple[np.ndarray, np.ndarray]:
-        """Returns start (3,) [m] and velocity (3,) [m/s] of a throw towards the water. back [m]:
-        distance of the start from the water, towards the camera; room [m]: least distance from the
-        walls; speed: over sqrt(g L), L the longest edge of the box."""
-        start = self.surface + back * (self.up - self.direction)
-        start = np.clip(start, room, np.maximum(self.size - room, room))
-        way = self.surface - start
-        fast = speed * math.sqrt(self.gravity * float(self.size.max()))
-        return start, fast * way / max(float(np.linalg.norm(way)), 1e-9)
-
-    @property
-    def up(self) -> np.ndarray:
-        """Vertical unit vector in the box frame."""
-        return self.show.pose.tilt.T @ np.array((0.0, 1.0, 0.0))
-
-    @property
-    def gravity(self) -> float:
-        """Absolute value of gravity [m/s^2], positive in weightless scenes, too."""
-        return self.show.tool_gravity
-
-    def hand(self, place: np.ndarray, radii: Vec3, velocity: np.ndarray, **more) -> Hand:
-        """Returns a hand with the scene's grip, and at most HAND_SPEED."""
-        grip = self.show.scene.play.push_grip
-        most = HAND_SPEED * math.sqrt(self.gravity * float(self.size.max()))
-        velocity = velocity * min(1.0, most / max(float(np.linalg.norm(velocity)), 1e-9))
-        return Hand(as_vector(place), as_vector(velocity), radii, grip, **more)
-
 
 @dataclass(frozen=True)
 class Tool:
@@ -142,7 +48,7 @@ class Tool:
 
 def push(touch: Touch) -> Hand:
     """Moves the water with the cursor; a short press goes down."""
-    velocity, radius = touch.show.scene.play.push_gain * touch.velocity, touch.radius
+    velocity, radius = touch.play.push_gain * touch.velocity, touch.radius
     if touch.held <= PRESS_TIME:
         poke = POKE_SPEED * math.sqrt(touch.gravity * radius)
         if poke > float(np.linalg.norm(velocity)):
@@ -166,11 +72,13 @@ def swirl(touch: Touch) -> Hand:
 
 def hover(touch: Touch) -> Hand:
     """Leaves a wake under a cursor without a button."""
-    play, d = touch.show.scene.play, touch.show.simulation.layers.finest.spacing
+    play = touch.play
     velocity = touch.velocity * min(
         1.0, WAKE_SPEED / max(float(np.linalg.norm(touch.velocity)), 1e-9)
     )
-    radius = max(WAKE_RADIUS * play.push_radius * float(touch.size.max()), LEAST_RADIUS * d)
+    radius = max(
+        WAKE_RADIUS * play.push_radius * float(touch.size.max()), LEAST_RADIUS * touch.spacing
+    )
     grip = WAKE_GRIP * play.push_grip
     return Hand(as_vector(touch.place), as_vector(velocity), (radius,) * 3, grip)
 
@@ -182,7 +90,7 @@ def rain(touch: Touch) -> Hand:
     )
     if not batches:
         return Hand()
-    rng = touch.show.rng
+    rng = touch.rng
     number = rng.poisson(RAIN_RATE * RAIN_EVERY * batches)
     up, size = touch.up, touch.size
     across = rng.normal(size=(number, 3))
@@ -191,23 +99,21 @@ def rain(touch: Touch) -> Hand:
     across *= np.sqrt(rng.random((number, 1)))
     height = RAIN_HEIGHT * size[1] * rng.uniform(0.7, 1.0, (number, 1))
     x = touch.surface + across + height * up
-    spacing = touch.show.simulation.layers.finest.spacing
-    touch.show.add_water(
-        np.clip(x, spacing, size - spacing), np.tile(-RAIN_SPEED * up, (number, 1))
-    )
+    x = np.clip(x, touch.spacing, size - touch.spacing)
+    touch.add_water(x, np.tile(-RAIN_SPEED * up, (number, 1)))
     return Hand()
 
 
 def ball(touch: Touch) -> Hand:
     """Throws a ball of water along the cursor's ray, once per press."""
     if touch.began:
-        d = touch.show.simulation.layers.finest.spacing
+        d = touch.spacing
         radius = max(BALL_RADIUS * float(touch.size.max()), LEAST_RADIUS * d)
         centre, velocity = touch.aim(radius + 0.5 * d, BALL_DISTANCE * radius, BALL_SPEED)
         cells = np.arange(-math.ceil(radius / d), math.ceil(radius / d) + 1) * d
         sites = np.stack(np.meshgrid(cells, cells, cells), axis=-1).reshape(-1, 3)
         x = centre + sites[(sites**2).sum(axis=1) <= radius**2]
-        touch.show.add_water(x, np.tile(velocity, (len(x), 1)))
+        touch.add_water(x, np.tile(velocity, (len(x), 1)))
     return Hand()
 
 
@@ -227,3 +133,41 @@ TOOLS = (
 # Tool of a cursor without a pressed button.
 HOVER = Tool("hover", "", "", hover)
 BY_NAME = {tool.name: tool for tool in (*TOOLS, HOVER)}
+
+
+class Toolbox:
+    """Tools on the water of a simulation; seed: of random drops.
+
+    touch: the present press, None without one. After each frame, ball: centre [m] and radius [m] of
+    the hand that images show, None without one; note: why a tool did nothing.
+    """
+
+    def __init__(self, simulation: Simulation, seed: int):
+        self.simulation, self.rng = simulation, np.random.default_rng(seed)
+        self.reset()
+
+    def reset(self) -> None:
+        self.touch: Touch | None = None
+        self.ball: tuple[Vec3, float] | None = None
+        self.note = ""
+
+    def frame(self, use: ToolUse | None, play: Play, box: MovingBox, step: float) -> Hand:
+        """Uses a tool in a frame of `step` [s], if any, moves the wall that the user drags, and
+        returns the tool's hand."""
+        hand, asked = Hand(), None
+        self.ball, self.note = None, ""
+        if use is None:
+            self.touch = None
+        else:
+            if self.touch is None or self.touch.ends_with(use):
+                self.touch = Touch(self.simulation, self.rng)
+            self.touch.update(use, play, box)
+            tool = BY_NAME[use.tool]
+            self.ball = (use.place, self.touch.radius) if tool.ball else None
+            try:
+                hand = tool.act(self.touch)
+            except FullError as error:
+                self.note = str(error)
+            asked = self.touch.wall
+        pistons.follow(self.simulation, least_gravity(box), step, asked)
+        return hand

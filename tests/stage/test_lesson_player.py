@@ -11,7 +11,7 @@ from msph.lesson.paint import band_height
 from msph.scene import load_scene
 from msph.stage import idle
 from msph.stage.called import Choice, SceneArguments
-from msph.stage.controls import ACTIONS
+from msph.stage.keys import ACTIONS
 from msph.stage.layout import Layout
 from msph.stage.pages import text_height
 from msph.stage.player import Player

@@ -12,7 +12,8 @@ from msph.scene import load_scene
 from msph.stage import clip, idle
 from msph.stage.autosave import About, LostSession
 from msph.stage.called import Choice, SceneArguments
-from msph.stage.controls import ACTIONS, Controls
+from msph.stage.controls import Controls
+from msph.stage.keys import ACTIONS
 from msph.stage.panel import Request
 from msph.stage.player import SLOW_MOTION
 from tests.stage.player_kit import FRAME, HEIGHT, WIDTH, frames, press

@@ -14,8 +14,8 @@ from msph.scene.live import read
 from msph.scene.load import read_toml
 from msph.stage import menu, pages
 from msph.stage.called import Choice
-from msph.stage.controls import ACTIONS, KEYS
 from msph.stage.display import BELOW
+from msph.stage.keys import ACTIONS, KEYS
 from msph.stage.layout import GAP, HINTS, PANELS
 from msph.stage.panel import PAGES
 from msph.stage.player import Player

@@ -12,10 +12,10 @@ from msph.fluid.boundary.rigid_bodies import Ball
 from msph.fluid.external_forces import as_vector
 from msph.fluid.simulation import FullError
 from msph.scene import load_scene
-from msph.stage.controls import Controls
+from msph.stage.controls import Controls, ToolUse
 from msph.stage.pacer import Pacer
 from msph.stage.show import Show
-from msph.stage.tools import BY_NAME, PRESS_TIME, TOOLS, ToolUse
+from msph.stage.tools import PRESS_TIME, TOOLS
 from tests.scenes_kit import TEXT, WATER, write
 from tests.stage.player_kit import (
     HEIGHT,
@@ -25,6 +25,8 @@ from tests.stage.player_kit import (
     press,
     wet_place,
 )
+
+DOWN = (0.0, -9.81, 0.0)  # gravity [m/s^2]
 
 
 def test_a_drain_after_a_reset_counts_its_water_once(player, show):
@@ -102,7 +104,7 @@ def test_a_thrown_body_floats_follows_the_cursor_and_is_gone_after_a_reset(playe
     assert abs(show.ledger.mass_change()) < 1e-6 and show.ledger.energy_gain() < 1e-3
     player.window.held = set()
     press(player, show, "r")
-    assert boundary.count == 0 and show.display.shown_bodies == 0 and show.dragged is None
+    assert boundary.count == 0 and show.display.shown_bodies == 0 and show.tools.touch is None
 
 
 def test_a_fast_drag_of_an_end_wall_makes_a_wave_and_the_wall_returns(player, show):
@@ -156,7 +158,7 @@ def test_a_wall_that_a_body_touches_does_not_move(tmp_path):
     body = 'method = "projection"\n[[bodies]]\nlo = [0, 0, 0.1]\nhi = [0.1, 0.4, 0.3]\n'
     text = body.join(TEXT.split("[classic]")[0].split('method = "classic"\n')) + WATER
     show = Show(load_scene(write(tmp_path, text)), 1 / 60)
-    use = ToolUse.of(BY_NAME["wave"], (np.zeros(3),) * 5, 1 / 60, 1 / 60)
+    use = ToolUse.of("wave", (np.zeros(3),) * 5, 1 / 60, 1 / 60)
     show.frame(Controls(use=use))
     assert "no room" in show.note and show.simulation.piston is None
     show.close()
@@ -170,9 +172,9 @@ def test_the_classic_method_refuses_added_bodies_and_openings(tmp_path):
     show = Show(load_scene(write(tmp_path)), 1 / 60)
     opening = Opening(np.array((0.2, 0.0, 0.2)), np.array((0.0, -1.0, 0.0)), (0.1, 0.1), False)
     with pytest.raises(FullError, match="no inflows"):
-        show.simulation.add_opening(opening, (0.0, -9.81, 0.0))
+        show.simulation.add_opening(opening, DOWN)
     with pytest.raises(FullError, match="no bodies"):
-        show.add_body(Ball(np.array((0.2, 0.3, 0.2)), 0.05, mass=0.1))
+        show.simulation.add_body(Ball(np.array((0.2, 0.3, 0.2)), 0.05, mass=0.1), DOWN)
     show.close()
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from bench.random_input import LIMITS, problems, run_scene
 from msph.scene import load_scene
-from msph.stage.show import Show
+from msph.stage.touch import Touch
 from tests.scenes_kit import TEXT, write
 
 POOL = TEXT.split("[classic]")[0].replace("[box]", "[box]\nopen = true")
@@ -37,13 +37,13 @@ def test_random_input_loses_no_water(name, seed, tmp_path):
 
 def test_mass_changes_and_other_problems_are_reported(tmp_path, monkeypatch):
     """Water that is added without an entry in the ledger is reported as a change of mass."""
-    add = Show.add_water
+    add = Touch.add_water
 
-    def forgets(show, x, v):
-        add(show, x, v)
-        show.simulation.world.parts.impulses.added_mass.total[None] = 0.0
+    def forgets(touch, x, v):
+        add(touch, x, v)
+        touch.simulation.world.parts.impulses.added_mass.total[None] = 0.0
 
-    monkeypatch.setattr(Show, "add_water", forgets)
+    monkeypatch.setattr(Touch, "add_water", forgets)
     scene = load_scene(write(tmp_path, SCENES["open"]), ADAPTIVE)
     (problem,) = problems(run_scene(scene, "open", 60, 1))
     assert problem.startswith("mass change")

@@ -204,7 +204,7 @@ def test_vtu_bodies_have_their_motion_and_the_forces_of_the_water(tmp_path):
     # The table has columns only for the bodies of the scene.
     table = BodyTable(show.simulation)
     width = len(table.row(0.0))
-    show.add_body(Ball(np.array((0.28, 0.33, 0.2)), 0.05, mass=0.1))
+    show.simulation.add_body(Ball(np.array((0.28, 0.33, 0.2)), 0.05, mass=0.1), show.gravity())
     assert len(table.row(0.1)) == width == 1 + 2 * 18
     write_bodies(tmp_path / "more.vtu", show.simulation, table.numbers(0.2))
     assert set(meshio.read(tmp_path / "more.vtu").point_data["body"]) == {0, 1, 2}
@@ -226,7 +226,8 @@ def test_a_checkpoint_with_added_water_is_resumed(tmp_path, monkeypatch):
     show = Show(load_scene(scene, ("method=projection",)), 1 / FPS, **SIMULATED)
     room, size = show.simulation.plan.initial["x"].shape[0], np.array(show.simulation.size)
     sites = np.stack(np.meshgrid(*[np.arange(1, 9) / 9 * s for s in size]), axis=-1).reshape(-1, 3)
-    show.add_water(sites, np.zeros_like(sites))
+    finest = show.simulation.layers.finest_index
+    show.simulation.add(sites, np.zeros_like(sites), finest, show.gravity())
     assert show.simulation.particles.count > room
     write_particles(tmp_path / "full.npz", show)
     show.close()

@@ -16,14 +16,13 @@ import pytest
 from msph.measure.timings import Timings
 from msph.scene import load_scene
 from msph.stage.called import Choice, SceneArguments
-from msph.stage.controls import Controls
+from msph.stage.controls import Controls, ToolUse
 from msph.stage.layout import Layout
 from msph.stage.link import Files, Order
 from msph.stage.process import start_simulations
 from msph.stage.recording import Header, read
 from msph.stage.remote import Remote, SimulationError
 from msph.stage.show import INTERACTIVE, Show
-from msph.stage.tools import ToolUse
 from tests.scenes_kit import write
 from tests.stage.player_kit import FRAME, SIZE, frames, played, press
 
