@@ -311,8 +311,8 @@ def measure(scene, run, **options):
     remain, and the exit status is 1.
     """
     with importing():
-        from msph.stage import measuring
-    measuring.measure(scene, MeasureOptions(**options), run)
+        from msph.measure import commands as measures
+    measures.measure(scene, MeasureOptions(**options), run)
 
 
 @cli.command()

@@ -14,6 +14,8 @@ from PIL import Image
 
 from msph.cli import check_values
 from msph.errors import BadInputError
+from msph.export.meshes import body_mesh, surface_mesh
+from msph.export.outputs import Outputs, check_files, check_outputs
 from msph.measure.frame import BodyState, Frame, Particles, Reader
 from msph.measure.probes import build_probes
 from msph.options import RunOptions
@@ -26,8 +28,6 @@ from msph.stage.controls import Controls
 from msph.stage.headless import Headless
 from msph.stage.loaded import at, smooth
 from msph.stage.loop import run
-from msph.stage.meshes import body_mesh, surface_mesh
-from msph.stage.outputs import Outputs, check_files, check_outputs
 from msph.stage.preparation import compiling
 from msph.stage.recorder import Recorder
 from msph.stage.row import Row

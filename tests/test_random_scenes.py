@@ -14,6 +14,7 @@ from hypothesis import HealthCheck, given, reject, settings
 from hypothesis import strategies as st
 
 from msph.errors import BadInputError, MsphError
+from msph.export.outputs import Outputs, check_outputs
 from msph.fluid.boundary.rim import AllSpiltError
 from msph.fluid.external_forces import ExternalForces, Hand
 from msph.measure.ledger import Ledger
@@ -26,7 +27,6 @@ from msph.scene.load import to_toml
 from msph.scene.meshes import MeshError, load_mesh
 from msph.scene.parameters import parameters
 from msph.scene.schema import Scene
-from msph.stage.outputs import Outputs, check_outputs
 from msph.stage.recording import read as read_recording
 from tests.scenes_kit import TEXT, write
 

@@ -12,6 +12,7 @@ from tabulate import tabulate
 
 from msph.device import start
 from msph.errors import BlowUpError
+from msph.export.outputs import NUMBER, Outputs, check_files, check_outputs
 from msph.fluid.boundary.rim import AllSpiltError
 from msph.fluid.trapped_water import TrappedWaterError
 from msph.measure.past import CheckpointError, time_of
@@ -38,7 +39,6 @@ from msph.stage.explain import explain
 from msph.stage.link import Order
 from msph.stage.loaded import Loaded, at, exclude, options_of, smooth, with_input
 from msph.stage.loop import run as run_loop
-from msph.stage.outputs import NUMBER, Outputs, check_files, check_outputs
 from msph.stage.preparation import prepare, say
 from msph.stage.recorder import Recorder
 from msph.stage.recording import Header, Recording, with_recording

@@ -1,4 +1,4 @@
-"""The frame loop, shared by window, recorder, measurer and benchmark."""
+"""The frame loop, shared by window, recorder, measurement and benchmark."""
 
 import math
 from typing import Protocol

@@ -12,18 +12,15 @@ import numpy as np
 from PIL import Image
 
 from msph.errors import LostOutputError
-from msph.measure.body_table import BodyTable
-from msph.own_files import writing, written
-from msph.stage import usd, vtu
-from msph.stage.exports import (
+from msph.export import usd, vtu
+from msph.export.files import (
     PARAVIEW,
     BodyFiles,
     write_droplets,
     write_mesh,
     write_particles,
 )
-from msph.stage.loop import Audience
-from msph.stage.outputs import (
+from msph.export.outputs import (
     ANIMATION,
     BODIES,
     VIDEO,
@@ -33,6 +30,9 @@ from msph.stage.outputs import (
     numbered,
     numbered_name,
 )
+from msph.measure.body_table import BodyTable
+from msph.own_files import writing, written
+from msph.stage.loop import Audience
 from msph.stage.progress import Progress
 from msph.stage.row import Row
 from msph.stage.show import Show

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from msph.measure import convergence
+from msph.measure.commands import SPLASH, available_energy
 from msph.measure.convergence import RATIO, compare, estimate, factors
 from msph.measure.entry import ENERGIES, WORKS
 from msph.scene import load_scene
-from msph.stage.measuring import SPLASH, fall
 
 
 def values(order, runs=3, limit=2.0, slope=-0.3):
@@ -101,5 +101,5 @@ def test_water_that_falls_is_told_from_water_at_rest():
     """`measure --converge` warns before runs of splashes, whose figures do not converge."""
     tank = {"box": {"size": (0.4, 0.4, 0.4)}, "layers": [{"spacing": 0.04}]}
     level, column = ({"lo": (0, 0, 0), "hi": (x, 0.2, 0.4)} for x in (0.4, 0.2))
-    shares = [fall(load_scene({**tank, "water": [water]})) for water in (level, column)]
+    shares = [available_energy(load_scene({**tank, "water": [water]})) for water in (level, column)]
     assert shares[0] < SPLASH < shares[1]

@@ -5,8 +5,8 @@ import pytest
 import trimesh
 
 import msph
+from msph.export.files import write_mesh
 from msph.measure.table import read
-from msph.stage.exports import write_mesh
 
 # Water that falls on a floating ball, so that there are spray, a body in motion and foam.
 SCENE = {

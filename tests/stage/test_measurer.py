@@ -1,4 +1,4 @@
-"""Tests of the measurer: a run resumed from its checkpoint agrees with an uninterrupted run."""
+"""Tests of a measurement: a run resumed from its checkpoint agrees with an uninterrupted run."""
 
 import json
 
@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from msph.measure.ledger import NotFiniteError
+from msph.measure.measurement import Measurement
 from msph.measure.past import CheckpointError, time_of
 from msph.measure.table import read
 from msph.measure.timings import Timings
 from msph.scene import load_scene
 from msph.stage.controls import Controls
 from msph.stage.loop import run
-from msph.stage.measurer import Measurer
 from msph.stage.row import Row
 from msph.stage.show import Show
 from tests.scenes_kit import TEXT, write
@@ -34,9 +34,9 @@ at = [0.2, 0.2]
 
 def measured(show, folder, scene, seconds, since=None):
     scene = scene.model_copy(update={"duration": seconds})
-    measurer = Measurer(folder, scene, "small", "cpu", bar=False, since=since)
-    run(Row([show]), measurer)
-    measurer.conclude()
+    measurement = Measurement(folder, scene, "small", "cpu", bar=False, since=since)
+    run(Row([show]), measurement)
+    measurement.conclude()
     return json.loads((folder / "summary.json").read_text())
 
 
@@ -98,7 +98,7 @@ def test_the_summary_covers_the_whole_run(runs):
 def test_a_checkpoint_at_the_end_of_the_scene_is_refused(tmp_path):
     scene = load_scene(write(tmp_path))
     with pytest.raises(CheckpointError, match=r"is at 0.2 s and the run ends at 0.2 s"):
-        Measurer(tmp_path, scene, "small", "cpu", bar=False, since=0.2)
+        Measurement(tmp_path, scene, "small", "cpu", bar=False, since=0.2)
     assert not (tmp_path / "ledger.csv").exists()
 
 
@@ -109,18 +109,18 @@ def test_a_blow_up_leaves_a_checkpoint_of_the_last_good_frame(tmp_path):
     """
     scene = load_scene(write(tmp_path, TEXT))
     show = Show(scene, EVERY, timings=Timings())
-    measurer = Measurer(tmp_path, scene, "small", "cpu", bar=False)
+    measurement = Measurement(tmp_path, scene, "small", "cpu", bar=False)
 
-    class Blow(Measurer):
+    class Blow(Measurement):
         def wants_more(self, row):
             if self.done == 2:
                 row.lead.simulation.particles.fields["v"][3] = [np.nan, 0.0, 0.0]
             return super().wants_more(row)
 
-    measurer.__class__ = Blow
+    measurement.__class__ = Blow
     with pytest.raises(NotFiniteError, match="particles are not finite"):
-        run(Row([show]), measurer)
-    measurer.conclude("blew up")
+        run(Row([show]), measurement)
+    measurement.conclude("blew up")
     with np.load(tmp_path / "checkpoint.npz") as state:
         assert float(state["time"]) == pytest.approx(2 * EVERY)
         assert np.isfinite(state["v"]).all()

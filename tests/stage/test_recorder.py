@@ -14,20 +14,21 @@ import pytest
 import trimesh
 from PIL import Image
 
+from msph.export import usd
+from msph.export.files import write_particles
+from msph.export.outputs import Outputs, check_outputs
+from msph.export.vtu import write_bodies
 from msph.fluid.boundary.rigid_bodies import Ball
 from msph.measure.body_table import BodyTable
 from msph.measure.host_kernels import wendland
 from msph.own_files import OutputError
 from msph.scene import load_scene
 from msph.scene.parts import with_value
-from msph.stage import loaded, usd
-from msph.stage.exports import write_particles
+from msph.stage import loaded
 from msph.stage.loop import run
-from msph.stage.outputs import Outputs, check_outputs
 from msph.stage.recorder import LostOutputError, Recorder, check_video, video_writer
 from msph.stage.row import Row
 from msph.stage.show import SIMULATED, Show
-from msph.stage.vtu import write_bodies
 from tests.command_kit import here
 from tests.scenes_kit import TEXT, WATER, write
 

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from msph.export.files import body_looks
+from msph.export.meshes import body_pose, shown_body, surface_arrays
 from msph.fluid.boundary.body_faces import faces
 from msph.own_files import writing
-from msph.stage.exports import body_looks
-from msph.stage.meshes import body_pose, shown_body, surface_arrays
 from msph.stage.show import Show
 
 SUFFIXES = (".usd", ".usda", ".usdc")

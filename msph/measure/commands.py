@@ -8,6 +8,7 @@ import click
 
 from msph.errors import LostOutputError
 from msph.measure import convergence, table
+from msph.measure.measurement import CHECKPOINT, FILES, LEDGER, PROBES, SCENE, Measurement
 from msph.measure.past import time_of
 from msph.measure.plots import PLOTS, plot
 from msph.measure.timings import Timings
@@ -19,7 +20,6 @@ from msph.scene.schema import Scene
 from msph.scene.water import layer_specs
 from msph.stage.loaded import Loaded, at, exclude, options_of, with_input
 from msph.stage.loop import run as run_loop
-from msph.stage.measurer import CHECKPOINT, FILES, LEDGER, PROBES, SCENE, Measurer
 from msph.stage.preparation import prepare, say
 from msph.stage.recording import Recording, with_recording
 from msph.stage.row import Row
@@ -65,7 +65,7 @@ def measured(
     resume: str | None = None,
     since: float | None = None,
     recording: Recording | None = None,
-) -> Measurer:
+) -> Measurement:
     """Measures one run of a scene from its start, or from a checkpoint `resume` at time `since`
     [s], with the input of a recording, if any; writes the results to a folder and prints the file
     names."""
@@ -74,26 +74,26 @@ def measured(
         # Before any file is written, as a checkpoint of another scene must not destroy the folder.
         show = prepare(scene, scene.measure.every, timings=Timings(), **how)
         show.resume(Path(resume))
-    measurer = Measurer(folder, scene, loaded.name, loaded.arch, since=since)
+    measurement = Measurement(folder, scene, loaded.name, loaded.arch, since=since)
     replace(folder / SCENE, loaded.toml())
     try:
         show = show or prepare(scene, scene.measure.every, timings=Timings(), **how)
-        run_loop(Row([show]), with_input(measurer, recording))
+        run_loop(Row([show]), with_input(measurement, recording))
     except (Exception, KeyboardInterrupt) as error:
         try:
-            measurer.conclude(str(error) or "interrupted")
+            measurement.conclude(str(error) or "interrupted")
         except LostOutputError as lost:
             say(str(lost))
         say(f"{folder} holds the results until then")
         if written(folder / CHECKPOINT):
             say(f"--resume {folder / CHECKPOINT} continues the run")
         raise
-    paths = measurer.conclude()
+    paths = measurement.conclude()
     show.close()
     paths += plot(folder, f"{scene.title or loaded.name}, quality {loaded.quality}")
     for path in paths:
         click.echo(path)
-    return measurer
+    return measurement
 
 
 def measure_convergence(loaded: Loaded, folder: Path, runs: int, force: bool) -> None:
@@ -106,7 +106,7 @@ def measure_convergence(loaded: Loaded, folder: Path, runs: int, force: bool) ->
     folders = [folder if f == 1.0 else folder / f"spacings_x{f:.2f}" for f, _ in scaled]
     for each in folders:
         claim_folder(each, force)
-    share = fall(scaled[0][1])
+    share = available_energy(scaled[0][1])
     if share > SPLASH:
         say(
             f"warning: {name}: the water falls or collapses at the start ({100.0 * share:.0f} % of "
@@ -128,7 +128,7 @@ def measure_convergence(loaded: Loaded, folder: Path, runs: int, force: bool) ->
     click.echo(f"\nDiscretisation error of {name}\n{convergence.text(rows, spacings)}")
 
 
-def fall(scene: Scene) -> float:
+def available_energy(scene: Scene) -> float:
     """Returns the energy of the motion and of the water above its level at the start, over its
     potential energy above the floor (-)."""
     with contextlib.closing(Show(scene, scene.measure.every)) as show:

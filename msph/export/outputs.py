@@ -4,9 +4,9 @@ import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from msph.export import usd
+from msph.export.files import PARAVIEW, BodyFiles
 from msph.own_files import OutputError, place_of
-from msph.stage import usd
-from msph.stage.exports import PARAVIEW, BodyFiles
 
 VIDEO = (".mp4", ".mov", ".mkv", ".webm")
 MESH = (".ply", ".obj", PARAVIEW)

@@ -1,4 +1,4 @@
-"""Measurer: writes ledger, probes, checkpoints and a summary of a run to a folder."""
+"""Measurement: writes ledger, probes, checkpoints and a summary of a run to a folder."""
 
 import time
 from pathlib import Path
@@ -28,7 +28,7 @@ FILES = (LEDGER, PROBES, BODIES, SUMMARY, SCENE, CHECKPOINT)
 CHECKPOINT_GAP = 10.0
 
 
-class Measurer:
+class Measurement:
     """Runs the scene's whole duration and writes a row per table for the start and each frame.
 
     name: of the scene on the command line; since [s]: time of the checkpoint to continue from, if

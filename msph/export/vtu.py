@@ -12,11 +12,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from msph.export.meshes import body_mesh, foam_at, interpolated
 from msph.fluid.simulation import Simulation
 from msph.measure.body_table import QUANTITIES
 from msph.measure.table import column
 from msph.own_files import replacing
-from msph.stage.meshes import body_mesh, foam_at, interpolated
 from msph.surface.mesh import SurfaceMesh
 from msph.surface.whitewater import Whitewater
 

@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from msph.export import vtu
+from msph.export.meshes import body_pose, shown_body, surface_arrays
 from msph.fluid.boundary.body_faces import faces
 from msph.fluid.simulation import Simulation
 from msph.measure.table import Table, column
@@ -18,8 +20,6 @@ from msph.own_files import writing
 from msph.picture.body_shading import CLAY
 from msph.picture.tone import albedo
 from msph.scene.bodies import names
-from msph.stage import vtu
-from msph.stage.meshes import body_pose, shown_body, surface_arrays
 from msph.stage.show import Show
 
 PARAVIEW = ".vtu"

@@ -1,0 +1,1 @@
+"""Files of water and bodies for other programs: meshes, points, tables, USD."""
