@@ -17,11 +17,12 @@ import taichi as ti
 
 from bench.tables import Bench, Table
 from bench.tanks import FRAME
+from msph.constants import DEFAULT_SCENE
 from msph.device import start
 from msph.errors import BlowUpError
 from msph.launches import watch_compiling
 from msph.measure.timings import Timings, peak_memory
-from msph.options import DEFAULT_SCENE, QUALITIES
+from msph.options import QUALITIES
 from msph.scene import load_scene
 from msph.scene.library import assets, shipped_scenes
 from msph.scene.quality import AS_GIVEN, LADDER, Quality, at_quality, scaled, single_quality_reason

@@ -14,8 +14,7 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
-from msph.options import DEFAULT_SCENE
-from msph.version import VERSION
+from msph.constants import DEFAULT_SCENE, VERSION
 
 __version__ = VERSION
 __all__ = ["Body", "BodyState", "Frame", "MsphError", "Particles", "Water", "open"]

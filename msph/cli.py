@@ -14,6 +14,7 @@ import click
 from click.core import ParameterSource
 
 from msph import cache_folder, own_files
+from msph.constants import VERSION
 from msph.device import ARCHES
 from msph.ending import exit_on_error
 from msph.errors import BadInputError
@@ -29,7 +30,6 @@ from msph.options import (
     PlayOptions,
     RunOptions,
 )
-from msph.version import VERSION
 
 # Range of --converge: two runs give no order; the coarsest of six would have 1/6 of the resolution.
 CONVERGENCE_RUNS = (3, 5)

@@ -12,10 +12,10 @@ from typing import NoReturn
 import click
 
 from msph import user_cache
+from msph.constants import VERSION
 from msph.device import address_space
 from msph.errors import MsphError
 from msph.interrupts import handling, raise_interrupt
-from msph.version import VERSION
 
 # Exit codes: wrong use of the command line, and a command ended by Ctrl-C.
 USAGE_ERROR, INTERRUPTED = 2, 130

@@ -6,8 +6,6 @@ This module imports only fast modules, because the command line loads it before 
 from dataclasses import dataclass
 from pathlib import Path
 
-# Scene of a command that is given no scene.
-DEFAULT_SCENE = "pool"
 # Qualities from coarse to fine, see msph/scene/quality.py. AS_GIVEN is the resolution of the scene
 # file, AUTO the finest quality that runs in real time.
 QUALITIES = ("small", "medium", "large", "finest")

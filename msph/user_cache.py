@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import click
 import platformdirs
 
-from msph.version import VERSION
+from msph.constants import VERSION
 
 T = TypeVar("T")
 

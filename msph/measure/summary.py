@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from msph.constants import VERSION
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.simulation import Simulation
 from msph.measure import account, survey
@@ -21,7 +22,6 @@ from msph.measure.timings import Timings
 from msph.own_files import replace
 from msph.scene.schema import Scene
 from msph.scene.water import specified_mass
-from msph.version import VERSION
 
 
 def origin(scene: Scene, name: str, arch: str) -> dict[str, Any]:

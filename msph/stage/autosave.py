@@ -15,6 +15,7 @@ import psutil
 from pydantic import TypeAdapter
 
 from msph import user_cache
+from msph.constants import VERSION
 from msph.measure.past import read_state
 from msph.scene.errors import SceneError
 from msph.stage.called import Choice, SceneArguments, full_name
@@ -23,7 +24,6 @@ from msph.stage.replaying import Relay
 from msph.stage.row import Row
 from msph.stage.show import SESSION
 from msph.stage.window import ClosedError
-from msph.version import VERSION
 
 # Wall-clock time between two files [s].
 INTERVAL = 5.0

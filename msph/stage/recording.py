@@ -13,14 +13,14 @@ from typing import Literal, TypeVar
 import click
 from pydantic import NonNegativeFloat, NonNegativeInt, TypeAdapter, ValidationError
 
+from msph.constants import DEFAULT_SCENE, VERSION
 from msph.errors import BadInputError, did_you_mean
-from msph.options import DEFAULT_SCENE, RunOptions
+from msph.options import RunOptions
 from msph.scene.live import live_parameters
 from msph.scene.schema import Scene
 from msph.stage.called import full_name
 from msph.stage.controls import STRICT, Inputs
 from msph.stage.tools import BY_NAME
-from msph.version import VERSION
 
 T = TypeVar("T")
 

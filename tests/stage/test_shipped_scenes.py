@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from msph.constants import DEFAULT_SCENE
 from msph.launches import watch_compiling
 from msph.measure.probes import FrontProbe, build_probes
 from msph.measure.snapshot import Snapshot
-from msph.options import AS_GIVEN, DEFAULT_SCENE
+from msph.options import AS_GIVEN
 from msph.scene import load_scene
 from msph.scene.library import shipped_scenes
 from msph.scene.quality import at_quality
