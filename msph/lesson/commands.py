@@ -20,9 +20,9 @@ from msph.stage.called import Choice, SceneArguments
 from msph.stage.ggui_window import GguiWindow
 from msph.stage.layout import Layout
 from msph.stage.loop import run as run_loop
-from msph.stage.pages import text_height
 from msph.stage.player import Player
 from msph.stage.preparation import prepare_row
+from msph.stage.sheet import text_height
 from msph.stage.window import ClosedError, NoWindowError, Window, check_display
 
 # Keys that are listed while a lesson is prepared.

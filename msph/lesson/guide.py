@@ -1,6 +1,7 @@
 """Overlay of a lesson in a window: keys, sliders, and pages over the image."""
 
 import time
+from functools import partial
 
 import numpy as np
 
@@ -10,9 +11,9 @@ from msph.lesson.paint import LETTERS, Band, Reasons, band_height
 from msph.picture.overlay import Overlay
 from msph.stage.input_overlay import InputOverlay
 from msph.stage.keys import ACTIONS
-from msph.stage.pages import text_height
+from msph.stage.page import Page
 from msph.stage.row import Row
-from msph.stage.widgets import Grip, Slider
+from msph.stage.sheet import text_height
 
 # Elapsed time between updates of the displayed numbers of simulations [s], slow enough to be read.
 UPDATE_INTERVAL = 0.25
@@ -34,9 +35,8 @@ class Guide(InputOverlay):
         self.below = band_height(self.text)
         self.band = Band((size[0], self.below), self.text)
         self.overlay = Overlay(*size, {"band": (size[0], self.below), "why": size})
-        self.painted: object = None
+        self.page, self.full_page = (Page(self.overlay, name) for name in ("band", "why"))
         self.read, self.shown = -np.inf, list[str]()
-        self.grip = Grip()
         self.waits = row is not None
 
     taken = frozenset((*PAGE_KEYS, *DISABLED_KEYS))
@@ -80,20 +80,18 @@ class Guide(InputOverlay):
     def drag(self, cursor: np.ndarray, down: bool, pressed: bool) -> bool:
         """Moves the slider on which the left button was pressed to the cursor, also in the frame of
         the release; returns True while a slider is held."""
-        x, y = cursor[0] * self.size[0], (1.0 - cursor[1]) * self.size[1]
-        y -= self.size[1] - self.below
-        moved = self.grip.act(self.band.sheet if self.progress.task else None, x, y, down, pressed)
-        if isinstance(moved, Slider):
+        moved = self.page.act(cursor, down, pressed)
+        if moved and moved[1] is not None:
             sliders = {s.name: s for s in self.progress.lesson.slider}
-            self.progress.move(sliders[moved.name], moved.value(x))
+            self.progress.move(sliders[moved[0]], moved[1])
         pushes = pressed and not self.is_on_page(cursor)
-        self.waits = self.waits and not (isinstance(moved, Slider) or pushes)
-        return self.grip.holds
+        self.waits = self.waits and not (moved or pushes)
+        return self.page.held is not None
 
     def update(self) -> None:
         """Updates the task and its displayed numbers after a frame. The tasks of a board are
         checked when a slider is released, not while it moves."""
-        if self.progress.row or not self.grip.holds:
+        if self.progress.row or self.page.held is None:
             self.progress.update()
         now = time.perf_counter()
         if self.progress.row is None or now - self.read > UPDATE_INTERVAL:
@@ -102,14 +100,13 @@ class Guide(InputOverlay):
     def draw(self, image) -> None:
         p = self.progress
         values = tuple(p.values.values())
-        state = (p.page, p.answered, tuple(p.ticked), values, tuple(self.shown), self.waits)
-        if state != self.painted:
-            self.painted = state
-            self.overlay.hide("why")
-            if self.is_full_page:
-                page = self.reasons.paint(p.page - 1 - len(p.lesson.do), p)
-                self.overlay.put("why", page, 0, 0)
-            else:
-                page = self.band.paint(p, self.shown, self.waits)
-                self.overlay.put("band", page, 0, self.size[1] - self.below)
+        content = (p.page, p.answered, tuple(p.ticked), values, tuple(self.shown), self.waits)
+        if self.is_full_page:
+            self.page.hide()
+            paint = partial(self.reasons.paint, p.page - 1 - len(p.lesson.do), p)
+            self.full_page.show(p.page, paint, (0, 0))
+        else:
+            self.full_page.hide()
+            paint = partial(self.band.paint, p, self.shown, self.waits)
+            self.page.show(content, paint, (0, self.size[1] - self.below))
         self.overlay.draw(image)

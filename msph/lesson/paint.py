@@ -4,14 +4,12 @@ the explanation. Text is at least 18 pixels high in a window of 960 x 540 pixels
 import textwrap
 from typing import Any
 
-import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image, ImageFont
 
 from msph.lesson import typeset
 from msph.lesson.course import Progress
 from msph.lesson.schema import Lesson
-from msph.stage.pages import DENSE, FAINT, INK, LINE, WARNING, font_of, wrapped
-from msph.stage.widgets import AWAY, Sheet
+from msph.stage.sheet import AWAY, FAINT, INK, LINE, SOLID, WARNING, Sheet, font_of, wrapped
 
 # Lines of text in the band, share of its width for the caption, and padding in text heights.
 LINES, CAPTION, PAD = 8.4, 0.56, 0.6
@@ -36,45 +34,34 @@ class Band:
 
     def __init__(self, size: tuple[int, int], text: int):
         self.size, self.text = size, text
-        self.sheet: Sheet | None = None
         self.keys = True  # False hides the line of keys
 
-    def paint(self, progress: Progress, shown: list[str], waits: bool = False) -> np.ndarray:
-        """Returns the band (height, width, 4) uint8, first row at the top; shown: lines with the
-        numbers of a task; waits: the simulations stand still until the user acts."""
-        page = Image.new("RGBA", self.size, (*DENSE[:3], 255))
-        self.draw, self.font = ImageDraw.Draw(page), font_of(self.text)
-        self.sheet = Sheet(self.draw, self.font, self.text)
+    def paint(self, progress: Progress, shown: list[str], waits: bool = False) -> Sheet:
+        """Returns the band; shown: lines with the numbers of a task; waits: the simulations stand
+        still until the user acts."""
+        self.sheet = Sheet(self.size, self.text, SOLID)
         pad, middle = PAD * self.text, CAPTION * self.size[0]
         width = middle - 2 * pad
         lesson, task = progress.lesson, progress.task
         caption = task.text if task else lesson.predict.ask
         where = f"task {progress.page} of {len(lesson.do)}" if task else "question"
-        y = self._lines([f"{lesson.title}: {where}"], pad, pad, WARNING, width)
-        self._lines([caption], pad, y + 0.2 * self.text, INK, width)
+        y = self.sheet.write_wrapped([f"{lesson.title}: {where}"], pad, pad, WARNING, width)
+        self.sheet.write_wrapped([caption], pad, y + 0.2 * self.text, INK, width)
         right = self.size[0] - middle - pad
         if task:
             y = self._sliders(progress, middle, pad, right)
             done = progress.ticked[progress.page - 1]
             if done:
                 y = self._tick("done at" if shown else "done before", True, middle, y)
-            y = self._lines(shown, middle, y, DONE if done else INK, right)
+            y = self.sheet.write_wrapped(shown, middle, y, DONE if done else INK, right)
             if not done:
                 self._tick(STARTS if waits else "not done", False, middle, y)
         else:
             self._choices(progress, middle, pad, right)
         low = self.size[1] - pad - self.text
         if self.keys:
-            self._lines([keys_of(progress)], pad, low, FAINT, width)
-        return np.asarray(page)
-
-    def _lines(self, texts: list[str], x: float, y: float, colour: tuple, width: float) -> float:
-        """Draws wrapped texts from (x, y) down, and returns the y below them."""
-        for text in texts:
-            for line in wrapped(text, self.font, width):
-                self.draw.text((x, y + 0.5 * LINE * self.text), line, colour, self.font, "lm")
-                y += LINE * self.text
-        return y
+            self.sheet.write_wrapped([keys_of(progress)], pad, low, FAINT, width)
+        return self.sheet
 
     def _choices(self, progress: Progress, x: float, y: float, width: float) -> None:
         """Draws all choices; once answered, the chosen one with its reason and the correct one."""
@@ -82,24 +69,22 @@ class Band:
         for k, choice in enumerate(predict.choices, 1):
             text, right = f"{LETTERS[k - 1]}) {choice}", k == predict.answer
             if not chosen:
-                y = self._lines([text], x, y, INK, width)
+                y = self.sheet.write_wrapped([text], x, y, INK, width)
             elif k == chosen:
                 mark, colour = ("correct", DONE) if right else ("not correct", WARNING)
-                y = self._lines([f"{text} - {mark}"], x, y, colour, width)
-                y = self._lines([predict.because[k - 1]], x, y, INK, width)
+                y = self.sheet.write_wrapped([f"{text} - {mark}"], x, y, colour, width)
+                y = self.sheet.write_wrapped([predict.because[k - 1]], x, y, INK, width)
             elif right:
-                y = self._lines([f"{text} - correct"], x, y, DONE, width)
+                y = self.sheet.write_wrapped([f"{text} - correct"], x, y, DONE, width)
 
     def _sliders(self, progress: Progress, x: float, y: float, width: float) -> float:
-        assert self.sheet is not None
         for slider in progress.lesson.slider:
             value = progress.values[slider.name]
-            middle = y + 0.5 * LINE * self.text
             ends = x + NAME * self.text, x + width - VALUE * self.text
-            self.draw.text((x, middle), slider.name.replace("_", " "), INK, self.font, "lm")
+            self.sheet.write(x, y, slider.name.replace("_", " "))
             self.sheet.slider(slider.name, value, (slider.lo, slider.hi), ends, y)
             label = progress.reading(slider.name, float(f"{value:.3g}"))
-            self.draw.text((ends[1] + AWAY * self.text, middle), label, FAINT, self.font, "lm")
+            self.sheet.write(ends[1] + AWAY * self.text, y, label, FAINT)
             y += LINE * self.text
         return y
 
@@ -108,12 +93,13 @@ class Band:
         edge = 0.8 * self.text
         top = y + 0.5 * (LINE * self.text - edge)
         colour = DONE if done else FAINT
-        self.draw.rectangle((x, top, x + edge, top + edge), None, colour, 2)
+        draw = self.sheet.draw
+        draw.rectangle((x, top, x + edge, top + edge), None, colour, 2)
         if done:
             a, b = 0.2 * edge, 0.42 * edge
             tick = (x + a, top + 0.5 * edge, x + b, top + 0.75 * edge, x + edge, top)
-            self.draw.line(tick, colour, 3)
-        return self._lines([state], x + 1.5 * edge, y, colour, self.size[0])
+            draw.line(tick, colour, 3)
+        return self.sheet.write_wrapped([state], x + 1.5 * edge, y, colour, self.size[0])
 
 
 def keys_of(progress: Progress) -> str:
@@ -150,8 +136,8 @@ class Reasons:
 
     def _head(self) -> Image.Image:
         """Returns the image of caption and formula."""
-        width, pad, font = self.size[0], PAD * self.text, font_of(self.text)
-        lines = wrapped(self.lesson.why.text, font, width - 2 * pad)
+        width, pad = self.size[0], PAD * self.text
+        lines = wrapped(self.lesson.why.text, font_of(self.text), width - 2 * pad)
         formula = Image.fromarray(
             typeset.pixels(self.lesson.why.formula, round(FORMULA * self.text), "#f5f7fa")
         )
@@ -159,21 +145,20 @@ class Reasons:
         if formula.width > most:
             formula = formula.resize((int(most), round(formula.height * most / formula.width)))
         top = pad + LINE * self.text * (len(lines) + 1)
-        page = Image.new("RGBA", (width, round(top + formula.height + pad)), (*DENSE[:3], 255))
-        draw = ImageDraw.Draw(page)
+        sheet = Sheet((width, top + formula.height + pad), self.text, SOLID)
         texts = [(f"{self.lesson.title}: why", WARNING), *((line, INK) for line in lines)]
         for k, (line, colour) in enumerate(texts):
-            draw.text((pad, pad + LINE * self.text * (k + 0.5)), line, colour, font, "lm")
-        page.alpha_composite(formula, (int(pad), round(top)))
-        return page
+            sheet.write(pad, pad + sheet.pitch * k, line, colour)
+        sheet.image.alpha_composite(formula, (int(pad), round(top)))
+        return sheet.image
 
-    def paint(self, number: int, progress: Progress) -> np.ndarray:
-        """Returns page `number`, from 0, (height, width, 4) uint8, first row at the top."""
-        page = Image.new("RGBA", self.size, (*DENSE[:3], 255))
-        draw, font, pad = ImageDraw.Draw(page), font_of(self.text), PAD * self.text
+    def paint(self, number: int, progress: Progress) -> Sheet:
+        """Returns page `number`, from 0."""
+        sheet = Sheet(self.size, self.text, SOLID)
+        draw, font, pad = sheet.draw, sheet.font, PAD * self.text
         y = pad
         if number == 0:
-            page.paste(self.head, (0, 0))
+            sheet.image.paste(self.head, (0, 0))
             y = self.head.height
         source = self.lesson.why.code.replace(":", ": ")
         draw.text((pad, y + 0.5 * self.text), source, FAINT, font, "lm")
@@ -184,7 +169,7 @@ class Reasons:
         low = self.size[1] - 0.7 * self.text
         if self.keys:
             draw.text((self.size[0] - pad, low), keys_of(progress), FAINT, font, "rm")
-        return np.asarray(page)
+        return sheet
 
 
 def code_font(text: int) -> Any:

@@ -12,8 +12,8 @@ from msph.lesson.paint import band_height
 from msph.lesson.student import Student, rehearse
 from msph.own_files import claim, replace, replacing
 from msph.picture.pixels import as_u8
-from msph.stage.pages import text_height
 from msph.stage.preparation import prepare_row
+from msph.stage.sheet import text_height
 
 SIZE = (1280, 720)
 CAPTIONS = "{}_captions.txt"

@@ -5,9 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from PIL import Image, ImageDraw
 
-from msph.stage.pages import DENSE, FAINT, INK, font_of
+from msph.stage.sheet import DENSE, FAINT, INK, Sheet, font_of
 from msph.stage.show import Show
 
 # Time span of the graphs [s], and time between two samples [s].
@@ -64,30 +63,29 @@ class Graphs:
         self.times: deque[float] = deque()
         self.samples: deque[list[list[float]]] = deque()
 
-    def observe(self, show: Show, now: float, pace: float) -> bool:
-        """Takes a sample at the wall-clock time `now` [s] if it is due; returns True if so."""
+    def observe(self, show: Show, now: float, pace: float) -> None:
+        """Takes a sample at the wall-clock time `now` [s] if it is due."""
         if self.times and now - self.times[-1] < EVERY:
-            return False
+            return
         self.times.append(now)
         self.samples.append([graph.sample(show, pace) for graph in GRAPHS])
         while now - self.times[0] > SPAN:
             self.times.popleft()
             self.samples.popleft()
-        return True
 
-    def paint(self, show: Show, width: int, height: int, size: int) -> np.ndarray:
-        """Returns an image of all graphs, (height, width, 4) uint8; size: text height [pixels]."""
-        page = Image.new("RGBA", (width, height), DENSE)
-        draw = ImageDraw.Draw(page)
-        font = font_of(size)
-        pad, each = round(0.5 * size), height / len(GRAPHS)
+    def paint(self, show: Show, size: tuple[int, int], text: int) -> Sheet:
+        """Returns a page of size (width, height) [pixels] with all graphs; text: text height
+        [pixels]."""
+        sheet, (width, height) = Sheet(size, text, DENSE), size
+        draw, font = sheet.draw, sheet.font
+        pad, each = round(0.5 * text), height / len(GRAPHS)
         x = (np.array(self.times) - self.times[-1]) / SPAN + 1.0
         for k, graph in enumerate(GRAPHS):
-            top, bottom = k * each + TITLE * size, (k + 1) * each - GAP * size
+            top, bottom = k * each + TITLE * text, (k + 1) * each - GAP * text
             curves = np.array([sample[k] for sample in self.samples]).T
             draw.text((pad, top), graph.title, INK, font, anchor="ls")
             room = width - 3 * pad - font.getlength(graph.title)
-            self._legend(draw, graph, show, curves[:, -1], (width - pad, top), room, size)
+            self._legend(draw, graph, show, curves[:, -1], (width - pad, top), room, text)
             known = curves[np.isfinite(curves)]
             lo, hi = (known.min(), known.max()) if known.size else (0.0, 1.0)
             # The energy's axis need not contain 0: only changes of the energy matter.
@@ -95,12 +93,12 @@ class Graphs:
             span = max(hi - lo, 1e-9)
             draw.line((pad, bottom, width - pad, bottom), FAINT)
             for curve, colour in zip(curves, COLOURS * 3, strict=False):
-                y = bottom - (curve - lo) / span * (bottom - top - 0.4 * size)
+                y = bottom - (curve - lo) / span * (bottom - top - 0.4 * text)
                 points = [(pad + a * (width - 2 * pad), b) for a, b in zip(x, y, strict=True)]
                 points = [p for p in points if np.isfinite(p[1])]
                 if len(points) > 1:
                     draw.line(points, colour, STROKE)
-        return np.asarray(page)
+        return sheet
 
     @staticmethod
     def _legend(draw, graph: Graph, show: Show, last, corner, room: float, size: int) -> None:

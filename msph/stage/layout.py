@@ -1,8 +1,7 @@
 """Layout of the window: pages over the image, and the panel column at the left."""
 
-import math
 import time
-from typing import Any
+from functools import partial
 
 import numpy as np
 
@@ -11,12 +10,16 @@ from msph.stage import pages
 from msph.stage.graphs import Graphs
 from msph.stage.idle import Idle
 from msph.stage.pacer import Pacer
+from msph.stage.page import Page
 from msph.stage.panel import PAGES
 from msph.stage.row import Row, show_with_picked
-from msph.stage.status import EVERY, Status
+from msph.stage.sheet import INK, LINE, PADDING, WARNING, font_of, text_height, wrapped
+from msph.stage.status import Status
 from msph.stage.window import ARROWS
 
 MESSAGE_TIME = 4.0  # display time of a message [s]
+# Time [s] between two updates of numbers, and while the window waits for the simulation.
+EVERY, WAITING_EVERY = 0.4, 0.1
 # In text heights: width of the panel column, gaps, largest height of a page of lines. HINTS: share
 # of the window's width for hints next to the legend of a particle view.
 COLUMN, GAP, ROOM, HINTS = 16.0, 0.25, 8, 0.62
@@ -26,18 +29,21 @@ PANELS = ("", "settings", "graphs")
 
 class Layout:
     """Pages of a window of size (width, height) [pixels]. panel: one of PANELS, "" for no column;
-    it stays open over scenes, as does the page of settings. Call begin() before the first frame of
-    each scene."""
+    it stays open over scenes, as does the open one of PAGES, `page`. Call begin() before the first
+    frame of each scene."""
 
     def __init__(self, size: tuple[int, int]):
         width, height = self.size = size
-        self.text = pages.text_height(height)
+        self.text = text_height(height)
         self.gap, self.column = round(GAP * self.text), round(COLUMN * self.text)
+        # Upper edge of the column [pixels].
+        self.top = 2 * self.gap + round(3.5 * LINE * self.text)
         small = ("status", "hints", "message", "particle")
         rooms = {name: (width, ROOM * self.text) for name in small}
         rooms["graphs"] = rooms["settings"] = self.column, height
         rooms["tools"] = rooms["help"] = size
         self.overlay = Overlay(width, height, rooms)
+        self.pages = {name: Page(self.overlay, name) for name in rooms}
         self.panel, self.page = "", PAGES[0]
         self.begin("")
 
@@ -47,10 +53,8 @@ class Layout:
         self.below, self.taken = 0, frozenset[str]()
         self.status, self.graphs = Status(quality), Graphs()
         self.message, self.until = "", 0.0
-        self.described: tuple[int | None, float] = None, 0.0  # picked particle, and time [s]
-        self.hinted: Any = None  # hints on the current page
-        self.share = 1.0  # of the free width, for hints and messages
-        self.overlay.shown.clear()
+        for page in self.pages.values():
+            page.hide()
 
     @property
     def free(self) -> float:
@@ -60,53 +64,22 @@ class Layout:
     @property
     def column_size(self) -> tuple[int, int]:
         """Width and height of the column [pixels]."""
-        return self.column, self.size[1] - self._top()
-
-    def on_column(self, cursor: np.ndarray) -> tuple[float, float]:
-        """Converts a cursor from (right, up) in shares of the window to (right, down) in pixels
-        from the column's upper left corner."""
-        return cursor[0] * self.size[0], (1.0 - cursor[1]) * self.size[1] - self._top()
-
-    def put_panel(self, page: np.ndarray | None) -> None:
-        """Shows a page of settings in the column; None for no change."""
-        if page is not None:
-            self.overlay.put("settings", page, 0, self._top())
-
-    def put_tools(self, page: np.ndarray) -> None:
-        """Shows the toolbar in the upper right corner, above legends."""
-        left = self.size[0] - self.gap - page.shape[1]
-        self.overlay.put("tools", page, left, self.gap)
-
-    def on_tools(self, cursor: np.ndarray) -> tuple[float, float]:
-        """Converts a cursor from (right, up) in shares of the window to (right, down) in pixels
-        from the toolbar's upper left corner; both are NaN without a toolbar."""
-        if "tools" not in self.overlay.shown:
-            return math.nan, math.nan
-        left, low, _, height = self.overlay.shown["tools"]
-        return cursor[0] * self.size[0] - left, low + height - cursor[1] * self.size[1]
+        return self.column, self.size[1] - self.top
 
     def is_on_page(self, cursor: np.ndarray) -> bool:
         """Returns True if a cursor, (right, up) in shares of the window, is on the column or the
         toolbar."""
-        if self.panel and 0.0 <= cursor[0] <= 1.0 - self.free:
-            return True
-        x, y = self.on_tools(cursor)
-        return x >= 0.0 and 0.0 <= y <= self.overlay.shown["tools"][3]
+        on_column = bool(self.panel) and 0.0 <= cursor[0] <= 1.0 - self.free
+        return on_column or self.pages["tools"].covers(cursor)
 
     def next_panel(self) -> None:
         self.panel = PANELS[(PANELS.index(self.panel) + 1) % len(PANELS)]
-        self.overlay.hide("graphs")
-        self.overlay.hide("settings")
-        self.hinted = None
-        if not self.idle:
-            # The column would cover a message that was shown without it.
-            self._put_message(self.message)
+        self.pages["graphs"].hide()
+        self.pages["settings"].hide()
 
     def show_message(self, message: str) -> None:
         """Shows a message for MESSAGE_TIME."""
-        self._put_message(message)
-        self.until = time.perf_counter() + MESSAGE_TIME
-        self.message = message
+        self.message, self.until = message, time.perf_counter() + MESSAGE_TIME
 
     @property
     def idle(self) -> bool:
@@ -114,73 +87,77 @@ class Layout:
         return time.perf_counter() > self.until
 
     def show_help(self, shown: bool) -> None:
-        if not shown:
-            self.overlay.hide("help")
-            return
-        width, height = self.size
-        page = pages.help_page(self.text, height - 2 * self.gap, self.taken)
-        left, top = (width - page.shape[1]) // 2, (height - page.shape[0]) // 2
-        self.overlay.put("help", page, left, top)
+        page, (width, height) = self.pages["help"], self.size
+        if shown:
+            paint = partial(pages.help_page, self.text, height - 2 * self.gap, self.taken)
+            page.show(self.taken, paint, (width / 2, height / 2), (0.5, 0.5))
+        else:
+            page.hide()
 
     def draw(self, row: Row, pacer: Pacer, paused: bool, idle: Idle) -> None:
-        """Draws all pages over the row's image; repaints only pages that have changed."""
+        """Draws all pages over the row's image."""
         now = time.perf_counter()
-        status = self.status.page(row, pacer, paused, bool(self.panel), now, self.text)
-        if status is not None:
-            self.overlay.put("status", status, self.gap, self.gap)
-        self.share = 1.0 if row.lead.display.views.name == "water" else HINTS
-        self._put_hints([k.hint for k in idle.hints()], bool(idle.hint()))
-        if self.idle:
-            self.overlay.hide("message")
-        self._put_particle(row, now)
-        if self.graphs.observe(row.lead, now, pacer.pace) and self.panel == "graphs":
-            top = self._top()
-            page = self.graphs.paint(row.lead, self.column, self.size[1] - top, self.text)
-            self.overlay.put("graphs", page, 0, top)
+        self._show_status(row, pacer, paused, now)
+        # Pages right of the column, and the largest width of a line of hints or of a message.
+        left = self.gap + (self.column if self.panel else 0)
+        share = 1.0 if row.lead.display.views.name == "water" else HINTS
+        width = share * self.free * self.size[0] - 2 * self.gap
+        self._show_hints([k.hint for k in idle.hints()], bool(idle.hint()), left, width)
+        self._show_message(left, width)
+        self._show_particle(row, left, now)
+        self.graphs.observe(row.lead, now, pacer.pace)
+        if self.panel == "graphs":
+            paint = partial(self.graphs.paint, row.lead, self.column_size, self.text)
+            self.pages["graphs"].show(self.graphs.times[-1], paint, (0, self.top))
         self.overlay.draw(row.image)
 
-    def _put_hints(self, texts: list[str], urgent: bool) -> None:
-        if (texts, urgent, self.share) == self.hinted:
-            return
-        self.hinted = texts, urgent, self.share
-        self.overlay.hide("hints")
-        if texts:
-            page = pages.hints(texts, urgent, self.text, self._line_width())
-            top = self.size[1] - self.gap - page.shape[0]
-            self.overlay.put("hints", page, self._left(), top)
+    def _show_status(self, row: Row, pacer: Pacer, paused: bool, now: float) -> None:
+        waiting, detailed = row.waiting, bool(self.panel)
+        content = now // (WAITING_EVERY if waiting else EVERY), bool(waiting), detailed
 
-    def _put_particle(self, row: Row, now: float) -> None:
+        def paint():
+            texts = [(waiting, WARNING)]
+            if not waiting:
+                texts = self.status.texts(row, pacer, paused, detailed, now)
+            return pages.lines(texts, self.text)
+
+        self.pages["status"].show(content, paint, (self.gap, self.gap))
+
+    def _show_hints(self, texts: list[str], urgent: bool, left: int, width: float) -> None:
+        if not texts:
+            self.pages["hints"].hide()
+            return
+        paint = partial(pages.hints, texts, urgent, self.text, width)
+        at = left, self.size[1] - self.gap
+        self.pages["hints"].show((tuple(texts), urgent, width), paint, at, (0.0, 1.0))
+
+    def _show_message(self, left: int, width: float) -> None:
+        """Shows the message above the line of hints."""
+        if self.idle:
+            self.pages["message"].hide()
+            return
+
+        def paint():
+            room = width - 2 * round(PADDING * self.text)
+            texts = wrapped(self.message, font_of(self.text), room)
+            return pages.lines([(line, WARNING) for line in texts], self.text)
+
+        hints = round((LINE + PADDING) * self.text)
+        at = left, self.size[1] - self.below - 2 * self.gap - hints
+        self.pages["message"].show((self.message, width), paint, at, (0.0, 1.0))
+
+    def _show_particle(self, row: Row, left: int, now: float) -> None:
         """Shows the values of the picked particle and the legend of its arrows."""
         show = show_with_picked(row)
         if show is None or not show.display.views.neighbourhood.find():
-            self.overlay.hide("particle")
+            self.pages["particle"].hide()
             return
         picked = show.display.views.neighbourhood
-        if picked.id == self.described[0] and now - self.described[1] < EVERY:
-            return
-        self.described = picked.id, now
-        texts: list[tuple[str, tuple]] = [(line, pages.INK) for line in picked.facts()]
-        for name, colour in zip(picked.arrows(np.zeros(3)), ARROWS, strict=False):
-            texts.append((f"arrow: {name}", (*(int(255 * c) for c in colour), 255)))
-        self.overlay.put("particle", pages.lines(texts, self.text), self._left(), self._top())
 
-    def _put_message(self, text: str) -> None:
-        """Shows a message above the line of hints."""
-        room = self._line_width() - 2 * round(pages.PADDING * self.text)
-        texts = pages.wrapped(text, pages.font_of(self.text), room)
-        page = pages.lines([(line, pages.WARNING) for line in texts], self.text)
-        hints = round((pages.LINE + pages.PADDING) * self.text)
-        top = self.size[1] - self.below - 2 * self.gap - hints - page.shape[0]
-        self.overlay.put("message", page, self._left(), top)
+        def paint():
+            texts = [(line, INK) for line in picked.facts()]
+            for name, colour in zip(picked.arrows(np.zeros(3)), ARROWS, strict=False):
+                texts.append((f"arrow: {name}", (*(int(255 * c) for c in colour), 255)))
+            return pages.lines(texts, self.text)
 
-    def _line_width(self) -> float:
-        """Returns the largest width of a line of hints or of a message [pixels]."""
-        return self.share * self.free * self.size[0] - 2 * self.gap
-
-    def _left(self) -> int:
-        """Left edge of pages right of the column [pixels]."""
-        return self.gap + (self.column if self.panel else 0)
-
-    def _top(self) -> int:
-        """Upper edge of the column [pixels]."""
-        return 2 * self.gap + round(3.5 * pages.LINE * self.text)
+        self.pages["particle"].show((picked.id, now // EVERY), paint, (left, self.top))

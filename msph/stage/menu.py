@@ -1,6 +1,9 @@
 """Menu: selection of live parameters, views, scenes and qualities by panel and keys."""
 
 import time
+from functools import partial
+
+import numpy as np
 
 from msph.options import AUTO
 from msph.scene.errors import SceneError
@@ -46,16 +49,16 @@ class Menu:
     def draw(self) -> None:
         """Draws the panel if the settings are open."""
         if self.layout.panel == "settings":
-            size, text = self.layout.column_size, self.layout.text
-            self.layout.put_panel(self.panel.paint(self.row.lead, size, text))
+            layout, lead = self.layout, self.row.lead
+            paint = partial(self.panel.paint, lead, layout.column_size, layout.text)
+            layout.pages["settings"].show(self.panel.content(lead), paint, (0, layout.top))
 
-    def touch(self, cursor, down: bool, pressed: bool) -> None:
-        """Handles the left mouse button over the panel; see Grip.act."""
-        if self.layout.panel == "settings":
-            x, y = self.layout.on_column(cursor)
-            for request in self.panel.touch(x, y, down, pressed):
-                self.apply(request)
-            self.layout.page = self.panel.page
+    def touch(self, cursor: np.ndarray, down: bool, pressed: bool) -> None:
+        """Handles the left mouse button over the panel; see Page.act."""
+        acted = self.layout.pages["settings"].act(cursor, down, pressed)
+        for request in self.panel.act(*acted) if acted else ():
+            self.apply(request)
+        self.layout.page = self.panel.page
 
     def apply(self, request: Request) -> None:
         """Carries out a request of the panel."""

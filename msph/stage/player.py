@@ -2,6 +2,7 @@
 
 import math
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from msph.stage.menu import Menu
 from msph.stage.pacer import Pacer
 from msph.stage.row import Row, show_with_picked
 from msph.stage.steering import Steering
-from msph.stage.toolbar import Toolbar
+from msph.stage.toolbar import toolbar
 from msph.stage.tools import BY_NAME
 from msph.stage.window import BUTTONS, Window
 
@@ -51,7 +52,7 @@ class Player(Audience):
         self.pacer = Pacer(play.fps, play.speed, play.scale, lead.parallel)
         layout.begin(choice.quality_now)
         self.menu = Menu(row, choice, layout, self.pacer, arguments)
-        self.steering, self.toolbar = Steering(window, row), Toolbar(layout)
+        self.steering = Steering(window, row)
         self.saver = Saver(layout, self.clip, Path(choice.scene).stem, choice.quality_now)
         plan = lead.state.plan
         depth = mean_depth(lead.scene.gravity, plan, plan.initial["x"].mean(axis=0)[None])
@@ -131,9 +132,9 @@ class Player(Audience):
         if self.guide.drag(steering.cursor, down, pressed):
             return True
         self.menu.touch(steering.cursor, down, pressed)
-        chosen = self.toolbar.touch(steering.cursor, down, pressed)
+        chosen = self.layout.pages["tools"].act(steering.cursor, down, pressed)
         if chosen:
-            self._choose_tool(chosen)
+            self._choose_tool(chosen[0])
         if steering.clicked(pressed) and self.row.lead.display.views.name != "water":
             steering.pick()
         held = steering.held_buttons()
@@ -216,7 +217,6 @@ class Player(Audience):
     def _next_panel(self) -> None:
         before, camera = self._framing().distance, self.row.lead.display.camera
         self.layout.next_panel()
-        self.menu.panel.painted = None
         framing = self._framing()
         camera.shift = framing.shift
         camera.zoom(framing.distance / before)
@@ -245,7 +245,10 @@ class Player(Audience):
         self.menu.draw()
         self.guide.draw(image)
         if self.has_toolbar:
-            self.toolbar.draw(self.steering.tool)
+            tool, layout = self.steering.tool, self.layout
+            at = self.window.size[0] - layout.gap, layout.gap
+            paint = partial(toolbar, tool, layout.text)
+            layout.pages["tools"].show(tool.name, paint, at, (1.0, 0.0))
         if not self.guide.is_full_page:
             self.layout.draw(row, self.pacer, self._paused, self.idle)
         if self.steering.contact.holds:

@@ -13,8 +13,9 @@ from msph.launches import data_oriented, kernel
 from msph.picture.camera import Camera
 from msph.picture.overlay import Overlay
 from msph.picture.pixels import Image, as_u8
-from msph.stage import pages
 from msph.stage.controls import Controls
+from msph.stage.pages import lines
+from msph.stage.sheet import FAINT, INK, text_height
 
 # Gap between two images [pixels], and its colour.
 GAP, GROUND = 2, (0.04, 0.08, 0.12)
@@ -63,7 +64,7 @@ class Row:
     def _compose(self, size: tuple[int, int]) -> None:
         """Allocates the common image and its labels."""
         self.size, self.common = size, Image(ti.Vector.field(3, ti.f32, size), *size)
-        self.text = pages.text_height(size[1])
+        self.text = text_height(size[1])
         room = self.lead.display.picture.width, round(LABEL_HEIGHT * self.text)
         self.names = [f"simulation {k}" for k in range(len(self.shows))]
         self.overlay = Overlay(*size, dict.fromkeys(self.names, room))
@@ -162,8 +163,8 @@ class Row:
 
     def _put_label(self, k: int, show: Any) -> None:
         """Paints the label of a show: name, speed and error."""
-        texts = [(self.labels[k], pages.INK), *((t, pages.FAINT) for t in speed_and_error(show))]
-        page = pages.lines(texts, self.text)
+        texts = [(self.labels[k], INK), *((t, FAINT) for t in speed_and_error(show))]
+        page = lines(texts, self.text).pixels
         left = k * (show.display.picture.width + GAP)
         self.overlay.put(self.names[k], page, left, round(TOP * self.text))
 

@@ -3,7 +3,7 @@
 import numpy as np
 from PIL import Image, ImageDraw
 
-from msph.stage.pages import LEAST_TEXT, font_of, text_height
+from msph.stage.sheet import LEAST_TEXT, font_of, text_height
 
 # Colours, 0..255: top and bottom of the background, text, secondary text.
 SKY, DEEP = (24, 66, 92), (8, 24, 38)

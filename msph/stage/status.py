@@ -2,40 +2,27 @@
 
 import math
 
-import numpy as np
-
-from msph.stage import pages
 from msph.stage.pacer import Pacer
 from msph.stage.row import Row
+from msph.stage.sheet import FAINT, INK, WARNING
 from msph.stage.show import Show
 
 REAL_TIME = 0.95  # real-time factor from which a simulation runs in real time
-# Time [s] between two updates of speed and counts, and of errors, which take milliseconds.
-EVERY, WATER_EVERY = 0.4, 1.2
-# The same while the window waits for the simulation.
-WAITING_EVERY = 0.1
+# Time [s] between two measurements of the errors, which take milliseconds.
+WATER_EVERY = 1.2
 
 
 class Status:
-    """Status page of a scene at a quality: one line, and more lines next to an open panel."""
+    """Status of a scene at a quality: one line, and more lines next to an open panel."""
 
     def __init__(self, quality: str):
-        self.quality, self.last, self.counted = quality, -math.inf, -math.inf
-        self.detailed = self.waited = False
-        self.water = ""
+        self.quality, self.measured, self.water = quality, -math.inf, ""
 
-    def page(
-        self, row: Row, pacer: Pacer, paused: bool, detailed: bool, now: float, size: int
-    ) -> np.ndarray | None:
-        """Returns the page at the wall-clock time `now` [s] with a text height of `size` [pixels],
-        None if it is not due. detailed: with time, frame rate, quality and errors."""
-        waiting = row.waiting
-        every = WAITING_EVERY if waiting or self.waited else EVERY
-        if now - self.last < every and detailed == self.detailed:
-            return None
-        self.last, self.detailed, self.waited = now, detailed, bool(waiting)
-        if waiting:
-            return pages.lines([(waiting, pages.WARNING)], size)
+    def texts(
+        self, row: Row, pacer: Pacer, paused: bool, detailed: bool, now: float
+    ) -> list[tuple[str, tuple]]:
+        """Returns the lines with their colours at the wall-clock time `now` [s]. detailed: with
+        time, frame rate, quality and errors."""
         first = pace(pacer, paused)
         # Simulations side by side have labels with these values.
         if not row.composed:
@@ -44,19 +31,16 @@ class Status:
             first = f"{first}, {sum(counts):,} particles in {layers}"
             if row.lead.now.spilt > 0.0:
                 first += f", {row.lead.now.spilt:.3g} kg spilt"
-        lines = [(first, pages.INK)]
+        lines = [(first, INK)]
         if detailed and pacer.frames:
             time = f"time {row.lead.now.time:.1f} s, {1.0 / pacer.wall:.0f} frames/s"
-            lines.append((f"{time}, quality {self.quality}", pages.FAINT))
-            if not row.composed and now - self.counted > WATER_EVERY:
-                self.counted, self.water = now, self._water(row.lead)
+            lines.append((f"{time}, quality {self.quality}", FAINT))
+            if not row.composed and now - self.measured > WATER_EVERY:
+                self.measured, self.water = now, self._water(row.lead)
             if self.water:
-                lines.append((self.water, pages.FAINT))
-        lines += [
-            (f"{name} stopped: no room", pages.WARNING)
-            for name in sorted(set().union(*(s.now.stopped for s in row.shows)))
-        ]
-        return pages.lines(lines, size)
+                lines.append((self.water, FAINT))
+        stopped = sorted(set().union(*(s.now.stopped for s in row.shows)))
+        return lines + [(f"{name} stopped: no room", WARNING) for name in stopped]
 
     def _water(self, show: Show) -> str:
         """Returns the errors of a simulation in words."""

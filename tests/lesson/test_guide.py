@@ -12,7 +12,7 @@ from msph.lesson.load import load_lesson
 from msph.lesson.paint import PAD, Band, band_height, folded
 from msph.lesson.student import Student
 from msph.picture.pixels import Image
-from msph.stage.pages import text_height
+from msph.stage.sheet import Sheet, text_height
 from tests.lesson.lesson_kit import LESSONS
 
 SIZE = (480, 270)
@@ -41,7 +41,7 @@ def test_a_lesson_resumes_where_it_was_left(tmp_path, monkeypatch):
     assert again.progress.page == 2 and again.progress.answered == 2
     assert again.progress.values["support"] == course.lesson.do[0].solution.set["support"]
     again.handle_key("b")
-    assert again.band.paint(again.progress, again.progress.shown()).std() > 1.0
+    assert again.band.paint(again.progress, again.progress.shown()).pixels.std() > 1.0
     for _ in range(2):
         again.progress.go(1)
         Student(again.progress, None).work()
@@ -81,10 +81,10 @@ def test_a_board_is_checked_when_its_slider_is_released():
     guide = Guide(course, None, SIZE)
     guide.progress.answer(3), guide.progress.go(1)
     guide.progress.move(course.lesson.slider[0], 6.0)
-    guide.grip.slider = object()
+    guide.page.held = object()
     guide.update()
     assert not guide.progress.ticked[0]
-    guide.grip.slider = None
+    guide.page.held = None
     guide.update()
     assert guide.progress.ticked[0]
 
@@ -105,8 +105,8 @@ def test_each_answer_is_explained_and_fits_its_page(name, monkeypatch):
         drawn.append((texts, below))
         return below
 
-    original = Band._lines
-    monkeypatch.setattr(Band, "_lines", lines)
+    original = Sheet.write_wrapped
+    monkeypatch.setattr(Sheet, "write_wrapped", lines)
     keys = low - (PAD + 1.0) * text
     predict = course.lesson.predict
     for k, reason in enumerate(predict.because, 1):
@@ -144,7 +144,7 @@ class TestGuide:
         )
         image = Image(ti.Vector.field(3, ti.f32, SIZE), *SIZE)
         guide.draw(image)
-        place = guide.band.sheet.sliders[0]
+        place = guide.page.sheet.widgets[0]
         y = 1.0 - (SIZE[1] - guide.below + 0.5 * (place.top + place.bottom)) / SIZE[1]
 
         def at(x):

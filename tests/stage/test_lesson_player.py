@@ -8,15 +8,16 @@ import pytest
 from msph.lesson.guide import Guide
 from msph.lesson.load import load_lesson
 from msph.lesson.paint import band_height
+from msph.picture.overlay import Overlay
 from msph.scene import load_scene
 from msph.stage import idle
 from msph.stage.called import Choice, SceneArguments
 from msph.stage.keys import ACTIONS
 from msph.stage.layout import Layout
-from msph.stage.pages import text_height
+from msph.stage.page import Page
 from msph.stage.player import Player
 from msph.stage.preparation import prepare_row
-from msph.stage.widgets import Button, Grip, Sheet, Slider
+from msph.stage.sheet import Sheet, text_height
 from tests.stage.player_kit import HEIGHT, SIZE, WIDTH, Screen, frames, press
 
 
@@ -75,7 +76,7 @@ def test_a_task_starts_when_the_user_acts(player, row, act):
         window.pressed.append("Left")
     else:
         # The cursor moves and the button is pressed between two frames.
-        slider = player.guide.band.sheet.sliders[0]
+        slider = player.guide.page.sheet.widgets[0]
         low = player.guide.below - 0.5 * (slider.top + slider.bottom)
         on_slider = np.array([slider.right, low]) / SIZE
         window.at = on_slider if act == "slider" else np.array([0.5, 0.8])
@@ -121,12 +122,14 @@ def test_a_press_acts_on_one_widget():
 
     Regression: a click on a button soon after a drag also moved the slider.
     """
-    grip, sheet = Grip(), Sheet(None, None, 18)
-    sheet.sliders.append(Slider("a", 0.0, 100.0, 0.0, 20.0, 0.0, 1.0))
-    sheet.buttons.append(Button("b", 0.0, 100.0, 40.0, 60.0))
-    assert grip.act(sheet, 50.0, 10.0, False, False) is None
-    assert grip.act(sheet, 50.0, 50.0, True, True) is None
-    assert grip.act(sheet, 50.0, 50.0, False, False).name == "b"
+    size = 100, 100
+    page, sheet = Page(Overlay(*size, {"page": size}), "page"), Sheet(size, 18)
+    sheet.slider("a", 0.0, (0.0, 1.0), (0.0, 100.0), 0.0)
+    sheet.button("b", "b", (0.0, 100.0), 60.0, False)
+    page.show("widgets", lambda: sheet, (0, 0))
+    assert page.act(np.array([0.5, 0.9]), False, False) is None
+    assert page.act(np.array([0.5, 0.3]), True, True) is None
+    assert page.act(np.array([0.5, 0.3]), False, False) == ("b", None)
 
 
 def test_help_covers_the_band_and_messages_are_above_it(player, row):

@@ -20,6 +20,7 @@ from msph.stage.layout import GAP, HINTS, PANELS
 from msph.stage.panel import PAGES
 from msph.stage.player import Player
 from msph.stage.row import Row
+from msph.stage.sheet import Slider
 from tests.stage.player_kit import (
     HEIGHT,
     WIDTH,
@@ -27,6 +28,11 @@ from tests.stage.player_kit import (
     played,
     press,
 )
+
+
+def widgets(player):
+    """Returns the widgets of the open panel."""
+    return player.layout.pages["settings"].sheet.widgets
 
 
 def at_panel(player, x, y):
@@ -38,7 +44,7 @@ def at_panel(player, x, y):
 
 def click(player, show, name):
     """Clicks on a button of the open panel."""
-    button = next(b for b in player.menu.panel.sheet.buttons if b.name == name)
+    button = next(b for b in widgets(player) if b.name == name)
     at_panel(player, 0.5 * (button.left + button.right), 0.5 * (button.top + button.bottom))
     player.window.held, player.window.pressed = {"LMB"}, ["LMB"]
     frames(player, show)
@@ -48,7 +54,7 @@ def click(player, show, name):
 
 def move(player, show, key, value):
     """Drags a slider of the open panel from its left end to a value."""
-    slider = next(s for s in player.menu.panel.sheet.sliders if s.name == key)
+    slider = next(s for s in widgets(player) if s.name == key)
     y = 0.5 * (slider.top + slider.bottom)
     at_panel(player, slider.left, y)
     player.window.held, player.window.pressed = {"LMB"}, ["LMB"]
@@ -93,11 +99,11 @@ def test_hints_do_not_cover_the_box(box):
     """Regression: the line of hints covered the box's lowest corner."""
     width, height = 960, 540
     text = pages.text_height(height)
-    page = pages.hints([key.hint for key in KEYS if key.hint], False, text, width)
+    sheet = pages.hints([key.hint for key in KEYS if key.hint], False, text, width)
     corners = np.indices((2, 2, 2)).reshape(3, 8).T * box
     camera = Camera.framing(box, width / height, below=BELOW)
     lowest = camera.project(corners, width, height, box)[:, 1].min()
-    assert round(GAP * text) + page.shape[0] < height * lowest
+    assert round(GAP * text) + sheet.size[1] < height * lowest
 
 
 def test_the_camera_of_a_scene_leaves_room_for_hints(show):
@@ -156,7 +162,7 @@ def test_pages_are_painted_only_when_they_change(player, show, monkeypatch):
 
     Regression: both were painted in every frame.
     """
-    monkeypatch.setattr("msph.stage.layout.EVERY", 60.0)
+    monkeypatch.setattr("msph.stage.layout.EVERY", math.inf)
     monkeypatch.setattr("msph.stage.layout.MESSAGE_TIME", 60.0)
     painted = []
     put = player.layout.overlay.put
@@ -173,7 +179,7 @@ def test_graphs_show_the_measured_values(player, show):
     before = frames(player, show)
     for k in range(12):
         player.layout.graphs.observe(show, player.layout.graphs.times[-1] + 0.25 * k + 0.2, 1.0)
-    page = player.layout.graphs.paint(show, 200, 200, 12)
+    page = player.layout.graphs.paint(show, (200, 200), 12).pixels
     assert page.shape == (200, 200, 4) and (page[..., :3].max(-1) > 150).mean() > 0.02
     assert player.layout.overlay.shown["graphs"][0] == 0 and before.std() > 0.05
     assert len(player.layout.graphs.samples[-1][-1]) == len(show.scene.layers)
@@ -188,7 +194,7 @@ def test_sliders_change_live_parameters_and_do_not_push_the_water(player, show):
     }
     for page, values in wanted.items():
         click(player, show, f"page {page}")
-        assert set(values) <= {s.name for s in player.menu.panel.sheet.sliders}
+        assert set(values) <= {w.name for w in widgets(player)}
         for key, value in values.items():
             move(player, show, key, value)
             assert read(show.scene, key) == pytest.approx(value, rel=1e-4)
@@ -205,11 +211,13 @@ def test_sliders_change_live_parameters_and_do_not_push_the_water(player, show):
     assert read(show.scene, "picture.tint") == pytest.approx(9.0), "of another page"
 
 
-def test_the_panel_fits_the_window_and_is_painted_only_when_it_changes(player, show):
+def test_the_panel_fits_the_window_and_is_painted_only_when_it_changes(player, show, monkeypatch):
     press(player, show, "i")
     column = player.layout.column
     before = player.window.image.to_numpy()[:column]
-    assert player.menu.panel.paint(show, player.layout.column_size, player.layout.text) is None
+    monkeypatch.setattr(player.menu.panel, "paint", None)
+    frames(player, show)
+    monkeypatch.undo()
     press(player, show, " ")
     move(player, show, "gravity", 3.0)
     after = player.window.image.to_numpy()[:column]
@@ -218,16 +226,13 @@ def test_the_panel_fits_the_window_and_is_painted_only_when_it_changes(player, s
     height = 540 - 2 * 9 - round(2.5 * 1.35 * 18)
     for name in PAGES:
         player.menu.panel.page = name
-        player.menu.panel.paint(show, (288, height), 18)
-        low = [
-            w.bottom for w in (*player.menu.panel.sheet.sliders, *player.menu.panel.sheet.buttons)
-        ]
-        assert max(low) <= height
+        sheet = player.menu.panel.paint(show, (288, height), 18)
+        assert max(w.bottom for w in sheet.widgets) <= height
 
 
 def test_a_drag_that_begins_outside_the_panel_moves_no_slider(player, show):
     press(player, show, "i")
-    slider = player.menu.panel.sheet.sliders[0]
+    slider = next(w for w in widgets(player) if isinstance(w, Slider))
     player.window.at = np.array([0.9, 0.9])
     player.window.held, player.window.pressed = {"LMB"}, ["LMB"]
     frames(player, show)
@@ -371,6 +376,7 @@ def test_the_panel_and_its_page_stay_open_over_scenes_and_do_not_cover_messages(
     assert show.display.camera.shift == pytest.approx(0.5 * (1.0 - layout.free))
     press(again, show, "i", "i")
     layout.show_message("a message")
+    frames(again)
     left = layout.overlay.shown["message"][0]
     press(again, show, "i")
     assert layout.overlay.shown["message"][0] == left + layout.column

@@ -242,7 +242,7 @@ def test_a_full_pool_refuses_water_with_a_message(player, show, monkeypatch):
 def test_a_click_on_the_toolbar_selects_a_tool_and_does_not_push_the_water(player, show):
     frames(player, show, 2)
     left, low, _, height = player.layout.overlay.shown["tools"]
-    button = next(b for b in player.toolbar.sheet.buttons if b.name == "swirl")
+    button = next(b for b in player.layout.pages["tools"].sheet.widgets if b.name == "swirl")
     x, y = 0.5 * (button.left + button.right), 0.5 * (button.top + button.bottom)
     player.window.at = np.array([(left + x) / WIDTH, (low + height - y) / HEIGHT])
     frames(player, show)

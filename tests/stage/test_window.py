@@ -11,7 +11,7 @@ from msph.lesson.paint import CAPTION, LINE, NAME, PAD, band_height
 from msph.scene.load import read_toml
 from msph.stage import commands
 from msph.stage.layout import GAP
-from msph.stage.pages import text_height
+from msph.stage.sheet import text_height
 from tests.command_kit import here
 from tests.scenes_kit import write
 from tests.stage.window_kit import (
