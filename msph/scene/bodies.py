@@ -8,8 +8,6 @@ import numpy as np
 
 from msph.fluid.boundary.rigid_bodies import (
     AnyMotion,
-    Ball,
-    Block,
     Body,
     Motion,
     Scripted,
@@ -22,11 +20,12 @@ from msph.fluid.methods import METHODS, methods_with
 from msph.parameter import MAX_SPEED
 from msph.picture.tone import albedo
 from msph.scene import schema
-from msph.scene.errors import SceneError, check_inside, is_one_of
+from msph.scene.errors import SceneError, is_one_of, require, require_inside
 from msph.scene.meshes import MeshError, load_mesh
-from msph.scene.motion import TRIALS, check_formulas, formula_numbers
+from msph.scene.motion import TOO_FAST, TRIALS, check_formulas, formula_numbers
 from msph.scene.openings import walls
 from msph.scene.schema import Container, Scene
+from msph.scene.water import shape_of
 from msph.scene.wavemakers import check_wave_makers, wave_makers
 
 # Largest extent of a mesh over the box's longest edge; larger meshes are in another unit.
@@ -62,7 +61,7 @@ def number_of(scene: Scene, body: str) -> int:
     raise SceneError("", f"the scene has no body {body}; known: {listed}")
 
 
-def body(given: schema.Body, duration: float, key: str) -> Body:
+def body(given: schema.BodyEntry, duration: float, key: str) -> Body:
     """Returns the body of a checked table of a scene; duration [s]: of the scene; key: of the
     table."""
     motion: AnyMotion = Motion(
@@ -77,21 +76,19 @@ def body(given: schema.Body, duration: float, key: str) -> Body:
     made: Body
     if given.mesh is not None:
         made = Solid(*placed(given), motion)
-    elif given.radius is not None:
-        made = Ball(np.array(given.centre, float), given.radius, motion)
     else:
-        made = Block(np.array(given.lo, float), np.array(given.hi, float), motion)
+        made = replace(shape_of(given), motion=motion)
     mass = given.mass if given.density is None else given.density * volume(made)
     paint = None if given.colour is None else as_vector(albedo(given.colour))
     return replace(made, mass=mass, friction=given.friction, release=given.release, albedo=paint)
 
 
-def _follows_formulas(given: schema.Body) -> bool:
+def _follows_formulas(given: schema.BodyEntry) -> bool:
     """Returns True for a body whose pose is given by expressions."""
     return any((*given.displacement, given.angle))
 
 
-def _scripted(given: schema.Body, duration: float, key: str) -> Scripted:
+def _scripted(given: schema.BodyEntry, duration: float, key: str) -> Scripted:
     """Returns the motion by the expressions of a body; its largest speed within the duration [s] is
     found by finite differences."""
     found = formula_numbers(given, duration, key)
@@ -112,7 +109,7 @@ def _container(container: Container) -> Solid:
     return Solid(*placed(container), container=True)
 
 
-def placed(mesh: schema.Body | Container) -> tuple[np.ndarray, np.ndarray]:
+def placed(mesh: schema.BodyEntry | Container) -> tuple[np.ndarray, np.ndarray]:
     """Returns vertices [m] and triangles of a mesh: scaled, rotated about x, y, z, translated."""
     from scipy.spatial.transform import Rotation  # 0.5 s to import, and only meshes need it
 
@@ -121,82 +118,73 @@ def placed(mesh: schema.Body | Container) -> tuple[np.ndarray, np.ndarray]:
     return rotation.apply(vertices * mesh.scale) + np.array(mesh.position), triangles
 
 
-def check_bodies(scene: Scene, spacing: float, where: str) -> list[Body]:
+def check_bodies(scene: Scene, spacing: float) -> list[Body]:
     """Returns the bodies() of a scene; spacing [m]: of the finest layer.
 
     Raises SceneError for a body or a container that cannot be built."""
     found: list[Body] = []
-    if (scene.bodies or scene.container) and not METHODS[scene.method].HAS_BODIES:
-        key = "bodies" if scene.bodies else "container"
-        able = methods_with("HAS_BODIES")
-        raise SceneError(where, f"the method {scene.method} has no bodies; {able} has", key)
+    able = METHODS[scene.method].HAS_BODIES or not (scene.bodies or scene.container)
+    problem = f"the method {scene.method} has no bodies; {methods_with('HAS_BODIES')} has"
+    require(able, "bodies" if scene.bodies else "container", problem)
     if scene.container is not None:
-        _check_mesh(scene.container, where, "container")
+        _check_mesh(scene.container, "container")
         found.append(_container(scene.container))
-        check_inside(*found[0].bounds, scene.box.size, where, "container")
+        require_inside(*found[0].bounds, scene.box.size, "container")
     for i, given in enumerate(scene.bodies):
-        found.append(_check_body(scene, given, spacing, where, f"bodies.{i}"))
+        found.append(_check_body(scene, given, spacing, f"bodies.{i}"))
     for name, others in Counter(names(scene)).items():
-        if others > 1:
-            raise SceneError(where, f"there are {others} bodies named {name!r}", "bodies")
-    check_wave_makers(scene, where)
+        require(others == 1, "bodies", f"there are {others} bodies named {name!r}")
+    check_wave_makers(scene)
     return [*found, *wave_makers(scene)]
 
 
-def _check_body(scene: Scene, given: schema.Body, spacing: float, where: str, key: str) -> Body:
-    if not is_one_of((given.lo, given.hi), (given.centre, given.radius), (given.mesh,)):
-        raise SceneError(where, "give either lo and hi, or centre and radius, or mesh", key)
+def _check_body(scene: Scene, given: schema.BodyEntry, spacing: float, key: str) -> Body:
+    single = is_one_of((given.lo, given.hi), (given.centre, given.radius), (given.mesh,))
+    require(single, key, "give either lo and hi, or centre and radius, or mesh")
     if given.mesh is not None:
-        _check_mesh(given, where, key)
-    if not any(given.axis):
-        raise SceneError(where, "has no direction", f"{key}.axis")
-    if given.density is not None and given.mass is not None:
-        raise SceneError(where, "give either density or mass", key)
+        _check_mesh(given, key)
+    require(any(given.axis), f"{key}.axis", "has no direction")
     floats = given.density is not None or given.mass is not None
-    if floats and any(given.swing):
-        raise SceneError(where, "a body with a mass floats and cannot swing", f"{key}.swing")
+    require(given.density is None or given.mass is None, key, "give either density or mass")
+    swings = any(given.swing)
+    problem = "a body with a mass floats and cannot swing"
+    require(not (floats and swings), f"{key}.swing", problem)
     if _follows_formulas(given):
-        if floats or any((*given.velocity, *given.swing, given.spin)):
-            other = "density or mass" if floats else "velocity, swing or spin"
-            raise SceneError(where, f"give either {other}, or displacement and angle", key)
-        check_formulas(given, scene.duration, where, key)
+        moves = any((*given.velocity, *given.swing, given.spin))
+        other = "density or mass" if floats else "velocity, swing or spin"
+        problem = f"give either {other}, or displacement and angle"
+        require(not (floats or moves), key, problem)
+        check_formulas(given, scene.duration, key)
     made = body(given, scene.duration, key)
     speed = made.motion.top_speed(bounding_radius(made))
-    if speed > MAX_SPEED:
-        raise SceneError(
-            where,
-            f"its surface moves at {speed:.3g} m/s; at most {MAX_SPEED:g} m/s is allowed, beyond "
-            "which water is not incompressible",
-            key,
-        )
+    problem = f"its surface moves at {speed:.3g} m/s; {TOO_FAST}, beyond which water is not "
+    require(speed <= MAX_SPEED, key, problem + "incompressible")
     lo, hi = made.bounds
-    if np.any(hi <= lo):
-        raise SceneError(where, "has no volume: hi must exceed lo on every axis", f"{key}.hi")
-    if np.min(hi - lo) < spacing:
-        raise SceneError(
-            where,
-            f"is {np.min(hi - lo):.3g} m thick, less than the particle spacing of {spacing:.3g} m, "
-            "so water on both sides would interact through it",
-            key,
-        )
-    times = float(np.max(hi - lo) / max(scene.box.size))
-    if given.mesh is not None and times > MAX_EXTENT:
-        raise SceneError(
-            where,
-            f"is {np.max(hi - lo):.3g} m large, {times:.0f} times the box; a mesh in millimetres "
-            "needs scale = 0.001",
-            f"{key}.mesh",
-        )
+    thinnest, largest = float(np.min(hi - lo)), float(np.max(hi - lo))
+    require(thinnest > 0.0, f"{key}.hi", "has no volume: hi must exceed lo on every axis")
+    require(
+        thinnest >= spacing,
+        key,
+        f"is {thinnest:.3g} m thick, less than the particle spacing of {spacing:.3g} m, "
+        "so water on both sides would interact through it",
+    )
+    times = largest / max(scene.box.size)
+    require(
+        given.mesh is None or times <= MAX_EXTENT,
+        f"{key}.mesh",
+        f"is {largest:.3g} m large, {times:.0f} times the box; a mesh in millimetres "
+        "needs scale = 0.001",
+    )
+    starts_inside = np.all((lo >= 0.0) & (hi <= walls(scene)))
+    require(not floats or starts_inside, key, "floats, and must start inside the box")
     outside = np.any(hi <= 0.0) or np.any(lo >= np.array(scene.box.size))
-    if floats and not np.all((lo >= 0.0) & (hi <= walls(scene))):
-        raise SceneError(where, "floats, and must start inside the box", key)
-    if outside and not made.motion.moves:
-        raise SceneError(where, "is outside the box and does not move", key)
+    problem = "is outside the box and does not move"
+    require(not outside or made.motion.moves, key, problem)
     return made
 
 
-def _check_mesh(mesh: schema.Body | Container, where: str, key: str) -> None:
+def _check_mesh(mesh: schema.BodyEntry | Container, key: str) -> None:
     try:
         load_mesh(str(mesh.mesh))
     except MeshError as error:
-        raise SceneError(where, str(error), f"{key}.mesh") from None
+        raise SceneError("", str(error), f"{key}.mesh") from None

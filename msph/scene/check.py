@@ -8,7 +8,7 @@ import psutil
 from msph.errors import did_you_mean
 from msph.fluid.adaptivity.bands import coarser_of
 from msph.fluid.boundary.mesh_samples import sample_count
-from msph.fluid.boundary.rigid_bodies import Body
+from msph.fluid.boundary.rigid_bodies import Ball, Body
 from msph.fluid.boundary.walls import region
 from msph.fluid.methods import METHODS, methods_with
 from msph.fluid.particles.layers import LayerSpec
@@ -16,12 +16,21 @@ from msph.fluid.particles.particles import CORE
 from msph.fluid.simulation import WORD, footprint
 from msph.scene import schema
 from msph.scene.bodies import check_bodies
-from msph.scene.errors import TOLERANCE, SceneError, check_inside, in_metres, is_one_of
+from msph.scene.errors import (
+    TOLERANCE,
+    SceneError,
+    in_file,
+    in_metres,
+    is_one_of,
+    require,
+    require_inside,
+    require_layer,
+)
 from msph.scene.motion import check_motion
 from msph.scene.openings import check_openings
 from msph.scene.probes import check_probes, probe_cautions
 from msph.scene.schema import LAYER_OPTIONS, Layer, Scene, Water
-from msph.scene.water import bounds, capacity, layer_specs, particle_count
+from msph.scene.water import capacity, layer_specs, particle_count, shape_of
 from msph.surface.room import SurfaceRoom
 
 # Share of the free memory that a scene may take.
@@ -45,119 +54,107 @@ def views(scene: Scene) -> tuple[str, ...]:
 
 def check(scene: Scene, where: str) -> None:
     """Raises SceneError if a scene that satisfies its schema cannot be built."""
+    with in_file(where):
+        _check(scene)
+
+
+def _check(scene: Scene) -> None:
     for i, layer in enumerate(scene.layers):
-        if (layer.mass is None) == (layer.spacing is None):
-            raise SceneError(where, "give either mass or spacing", f"layers.{i}")
-    known = views(scene)
-    if scene.picture.view not in known:
-        hint = did_you_mean(scene.picture.view, known)
-        raise SceneError(where, f"unknown view {scene.picture.view!r}; {hint}", "picture.view")
-    if scene.box.open and scene.container:
-        raise SceneError(where, "has no effect: no water leaves a container", "box.open")
+        single = (layer.mass is None) != (layer.spacing is None)
+        require(single, f"layers.{i}", "give either mass or spacing")
+    known, view = views(scene), scene.picture.view
+    if view not in known:
+        problem = f"unknown view {view!r}; {did_you_mean(view, known)}"
+        raise SceneError("", problem, "picture.view")
+    closed = not (scene.box.open and scene.container)
+    require(closed, "box.open", "has no effect: no water leaves a container")
     specs = layer_specs(scene)
-    for i, spec in enumerate(specs):
-        if spec.spacing > min(scene.box.size):
-            raise SceneError(
-                where,
-                f"particles of {spec.spacing:.3g} m do not fit in the box, whose shortest edge "
-                f"is {min(scene.box.size):.3g} m",
-                f"layers.{i}",
-            )
-        least = METHODS[scene.method].MIN_SMOOTHING
-        if spec.smoothing < least:
-            raise SceneError(
-                where,
-                f"must be at least {least:g} for the method {scene.method} "
-                f"(got {spec.smoothing:g})",
-                f"layers.{i}.smoothing",
-            )
-    finest = min(s.support for s in specs)
-    coarsest_cell = 0.5 * scene.surface.smoothing * finest
-    if scene.surface.cell * min(s.spacing for s in specs) > coarsest_cell:
-        most = coarsest_cell / min(s.spacing for s in specs)
-        raise SceneError(
-            where,
-            f"is too coarse for surface.smoothing = {scene.surface.smoothing:g}; at most "
-            f"{most:.4g} is allowed (got {scene.surface.cell:g})",
-            "surface.cell",
-        )
+    _check_sizes(scene, specs)
     for i, water in enumerate(scene.water):
-        _check_water(scene, water, specs, where, f"water.{i}")
+        _check_water(scene, water, specs, f"water.{i}")
     for (i, a), (j, b) in itertools.combinations(enumerate(scene.water), 2):
-        if _overlap(a, b):
-            raise SceneError(where, f"overlaps water.{i}", f"water.{j}")
+        require(not _overlap(a, b), f"water.{j}", f"overlaps water.{i}")
     contradiction = getattr(scene, scene.method).contradiction()
     if contradiction:
         name, problem = contradiction
-        raise SceneError(where, problem, f"{scene.method}.{name}")
-    _check_camera_path(scene, where)
-    _check_layer_options(scene, where)
-    _check_adaptation(scene, specs, where)
-    solids = check_bodies(scene, min(specs, key=lambda s: s.mass).spacing, where)
-    check_openings(scene, specs, where)
-    check_motion(scene, where)
-    check_probes(scene, where)
-    _check_memory(scene, specs, solids, where)
+        raise SceneError("", problem, f"{scene.method}.{name}")
+    _check_camera_path(scene)
+    _check_layer_options(scene)
+    _check_adaptation(scene, specs)
+    solids = check_bodies(scene, min(specs, key=lambda s: s.mass).spacing)
+    check_openings(scene, specs)
+    check_motion(scene)
+    check_probes(scene)
+    _check_memory(scene, specs, solids)
 
 
-def _check_camera_path(scene: Scene, where: str) -> None:
+def _check_sizes(scene: Scene, specs: list[LayerSpec]) -> None:
+    """Raises SceneError for particles larger than the box, supports too small for the method, and
+    surface cells too large for the kernel."""
+    shortest, least = min(scene.box.size), METHODS[scene.method].MIN_SMOOTHING
+    for i, spec in enumerate(specs):
+        require(
+            spec.spacing <= shortest,
+            f"layers.{i}",
+            f"particles of {spec.spacing:.3g} m do not fit in the box, whose shortest edge "
+            f"is {shortest:.3g} m",
+        )
+        require(
+            spec.smoothing >= least,
+            f"layers.{i}.smoothing",
+            f"must be at least {least:g} for the method {scene.method} (got {spec.smoothing:g})",
+        )
+    cell, smoothing = scene.surface.cell, scene.surface.smoothing
+    most = 0.5 * smoothing * min(s.support for s in specs) / min(s.spacing for s in specs)
+    require(
+        cell <= most,
+        "surface.cell",
+        f"is too coarse for surface.smoothing = {smoothing:g}; at most {most:.4g} is allowed "
+        f"(got {cell:g})",
+    )
+
+
+def _check_camera_path(scene: Scene) -> None:
     """Raises SceneError for a single key frame, or for key frames that are not in order."""
     path = scene.camera.path
-    if len(path) == 1:
-        raise SceneError(where, "needs two key frames or more", "camera.path")
+    require(len(path) != 1, "camera.path", "needs two key frames or more")
     for k, (before, key) in enumerate(itertools.pairwise(path), 1):
-        if key.time <= before.time:
-            raise SceneError(
-                where,
-                f"must be later than {before.time:g} s, the key frame before (got {key.time:g})",
-                f"camera.path.{k}.time",
-            )
+        require(
+            key.time > before.time,
+            f"camera.path.{k}.time",
+            f"must be later than {before.time:g} s, the key frame before (got {key.time:g})",
+        )
 
 
-def _check_adaptation(scene: Scene, specs: list[LayerSpec], where: str) -> None:
+def _check_adaptation(scene: Scene, specs: list[LayerSpec]) -> None:
     """Raises SceneError if adaptation is enabled for a method that has none, without two layers
     that can exchange particles, or with a capacity below the initial number of particles."""
     if not scene.adaptation.enabled:
         return
-    if not METHODS[scene.method].ADAPTS:
-        raise SceneError(
-            where,
-            f"the method {scene.method} cannot adapt layers; {methods_with('ADAPTS')} can",
-            "adaptation.enabled",
-        )
-    if all(k < 0 for k in coarser_of(specs)):
-        masses = ", ".join(f"{s.mass:.3g}" for s in specs)
-        raise SceneError(
-            where,
-            f"needs two layers whose particle masses are 1 : 2 (got {masses} kg)",
-            "adaptation.enabled",
-        )
+    able, key = methods_with("ADAPTS"), "adaptation.enabled"
+    problem = f"the method {scene.method} cannot adapt layers; {able} can"
+    require(METHODS[scene.method].ADAPTS, key, problem)
+    masses = ", ".join(f"{s.mass:.3g}" for s in specs)
+    problem = f"needs two layers whose particle masses are 1 : 2 (got {masses} kg)"
+    require(any(k >= 0 for k in coarser_of(specs)), key, problem)
     start = sum(particle_count(w, specs[w.layer]) for w in scene.water)
-    if scene.adaptation.capacity is not None and scene.adaptation.capacity < start:
-        raise SceneError(
-            where,
-            f"is below the {start:,} particles at the start (got {scene.adaptation.capacity:,})",
-            "adaptation.capacity",
-        )
+    most = start if scene.adaptation.capacity is None else scene.adaptation.capacity
+    problem = f"is below the {start:,} particles at the start (got {most:,})"
+    require(most >= start, "adaptation.capacity", problem)
 
 
-def _check_layer_options(scene: Scene, where: str) -> None:
+def _check_layer_options(scene: Scene) -> None:
     """Raises SceneError for a layer option that the scene's method does not use."""
     used = METHODS[scene.method].LAYER_OPTIONS
-    for i, layer in enumerate(scene.layers):
-        for option in LAYER_OPTIONS:
-            given = getattr(layer, option) != Layer.model_fields[option].default
-            if given and option not in used:
-                others = [n for n, s in METHODS.items() if option in s.LAYER_OPTIONS]
-                raise SceneError(
-                    where,
-                    f"the method {scene.method} does not use this option; "
-                    f"{' or '.join(others)} does",
-                    f"layers.{i}.{option}",
-                )
+    for option in (each for each in LAYER_OPTIONS if each not in used):
+        others = " or ".join(n for n, s in METHODS.items() if option in s.LAYER_OPTIONS)
+        problem = f"the method {scene.method} does not use this option; {others} does"
+        for i, layer in enumerate(scene.layers):
+            default = Layer.model_fields[option].default
+            require(getattr(layer, option) == default, f"layers.{i}.{option}", problem)
 
 
-def _check_memory(scene: Scene, specs: list[LayerSpec], solids: list[Body], where: str) -> None:
+def _check_memory(scene: Scene, specs: list[LayerSpec], solids: list[Body]) -> None:
     """Raises SceneError if the simulation and its surface do not fit into the free memory; image
     buffers are not counted, as their size is not part of the scene."""
     count = capacity(scene, specs)
@@ -169,36 +166,25 @@ def _check_memory(scene: Scene, specs: list[LayerSpec], solids: list[Body], wher
     keys = {"cells": "box.size", "neighbours": "water", "images": "water", "particles": "water"}
     keys |= {"surface": "surface.cell", "bodies": "bodies"}
     largest = max(needs, key=lambda name: needs[name])
-    free = psutil.virtual_memory().available * MEMORY_SHARE
-    if WORD * sum(needs.values()) > free or needs[largest] > MAX_NUMBERS:
-        raise SceneError(
-            where,
-            f"{count:,} particles in a box of {in_metres(scene.box.size)} need "
-            f"{WORD * sum(needs.values()) / 2**30:.1f} GiB, most of it for {largest}; "
-            f"{free / 2**30:.1f} GiB are free",
-            keys[largest],
-        )
+    total, free = WORD * sum(needs.values()), psutil.virtual_memory().available * MEMORY_SHARE
+    require(
+        total <= free and needs[largest] <= MAX_NUMBERS,
+        keys[largest],
+        f"{count:,} particles in a box of {in_metres(scene.box.size)} need {total / 2**30:.1f} "
+        f"GiB, most of it for {largest}; {free / 2**30:.1f} GiB are free",
+    )
 
 
-def _check_water(scene: Scene, water: Water, specs: list[LayerSpec], where: str, key: str) -> None:
-    if water.layer >= len(scene.layers):
-        raise SceneError(
-            where,
-            f"must be a layer's index from 0 to {len(scene.layers) - 1} (got {water.layer})",
-            f"{key}.layer",
-        )
-    if not is_one_of((water.lo, water.hi), (water.centre, water.radius)):
-        raise SceneError(where, "give either lo and hi, or centre and radius", key)
-    lo, hi = bounds(water)
-    if np.any(hi <= lo):
-        raise SceneError(where, "has no volume: hi must exceed lo on every axis", f"{key}.hi")
-    check_inside(lo, hi, scene.box.size, where, key)
-    spec = specs[water.layer]
-    most = particle_count(water.model_copy(update={"count": None}), spec)
-    if water.count is not None and water.count > most:
-        raise SceneError(
-            where, f"{water.count} particles do not fit, there is room for {most}", f"{key}.count"
-        )
+def _check_water(scene: Scene, water: Water, specs: list[LayerSpec], key: str) -> None:
+    require_layer(water.layer, len(specs), key)
+    single = is_one_of((water.lo, water.hi), (water.centre, water.radius))
+    require(single, key, "give either lo and hi, or centre and radius")
+    lo, hi = shape_of(water).bounds
+    require(np.all(hi > lo), f"{key}.hi", "has no volume: hi must exceed lo on every axis")
+    require_inside(lo, hi, scene.box.size, key)
+    most = particle_count(water.model_copy(update={"count": None}), specs[water.layer])
+    problem = f"{water.count} particles do not fit, there is room for {most}"
+    require((water.count or 0) <= most, f"{key}.count", problem)
 
 
 def cautions(scene: Scene) -> list[str]:
@@ -237,15 +223,15 @@ def _overlap_cautions(scene: Scene) -> list[str]:
     ]
 
 
-def _overlap(a: Water | schema.Body, b: Water | schema.Body) -> bool:
-    lo_a, hi_a = bounds(a)
-    lo_b, hi_b = bounds(b)
-    if a.radius is not None and b.radius is not None:
-        apart = np.linalg.norm(np.array(a.centre) - np.array(b.centre))
-        return bool(apart < a.radius + b.radius - TOLERANCE)
-    for ball, lo, hi in ((a, lo_b, hi_b), (b, lo_a, hi_a)):
-        if ball.radius is not None:
-            centre = np.array(ball.centre)
-            apart = np.linalg.norm(centre - np.clip(centre, lo, hi))
-            return bool(apart < ball.radius - TOLERANCE)
-    return bool(np.all(np.minimum(hi_a, hi_b) - np.maximum(lo_a, lo_b) > TOLERANCE))
+def _overlap(a: Water | schema.BodyEntry, b: Water | schema.BodyEntry) -> bool:
+    one, other = shape_of(a), shape_of(b)
+    if isinstance(one, Ball) and isinstance(other, Ball):
+        apart = np.linalg.norm(one.centre - other.centre)
+        return bool(apart < one.radius + other.radius - TOLERANCE)
+    if isinstance(one, Ball):
+        one, other = other, one
+    lo, hi = one.bounds
+    if isinstance(other, Ball):
+        apart = np.linalg.norm(other.centre - np.clip(other.centre, lo, hi))
+        return bool(apart < other.radius - TOLERANCE)
+    return bool(np.all(np.minimum(hi, other.hi) - np.maximum(lo, other.lo) > TOLERANCE))

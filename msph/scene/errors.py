@@ -1,6 +1,7 @@
 """The error of a scene: one line that names the file, the key and the problem."""
 
-from collections.abc import Iterable, Sequence
+import contextlib
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,21 @@ class SceneError(BadInputError):
         super().__init__(": ".join(part for part in (where, key, problem) if part))
 
 
+def require(holds: object, key: str, problem: str) -> None:
+    """Raises SceneError for a key unless a condition holds; in_file() adds the file."""
+    if not holds:
+        raise SceneError("", problem, key)
+
+
+@contextlib.contextmanager
+def in_file(where: str) -> Iterator[None]:
+    """Context that adds the name of the scene's file to a SceneError."""
+    try:
+        yield
+    except SceneError as error:
+        raise SceneError(where, error.problem, error.key) from None
+
+
 def in_metres(point: Iterable[float]) -> str:
     """Formats a point or an extent [m] for messages."""
     return "(" + ", ".join(f"{v:g}" for v in point) + ") m"
@@ -30,10 +46,14 @@ def is_one_of(*shapes: tuple[Any, ...]) -> bool:
     return len(given) == 1 and all(key is not None for key in given[0])
 
 
-def check_inside(
-    lo: np.ndarray, hi: np.ndarray, size: Sequence[float], where: str, key: str
-) -> None:
+def require_inside(lo: np.ndarray, hi: np.ndarray, size: Sequence[float], key: str) -> None:
     """Raises SceneError if corners (3,) [m] are outside the box."""
-    if np.any(lo < -TOLERANCE) or np.any(hi > np.array(size) + TOLERANCE):
-        problem = f"reaches from {in_metres(lo)} to {in_metres(hi)}, outside the box of "
-        raise SceneError(where, problem + in_metres(size), key)
+    inside = np.all(lo >= -TOLERANCE) and np.all(hi <= np.array(size) + TOLERANCE)
+    reach = f"{in_metres(lo)} to {in_metres(hi)}"
+    require(inside, key, f"reaches from {reach}, outside the box of {in_metres(size)}")
+
+
+def require_layer(index: int, layers: int, key: str) -> None:
+    """Raises SceneError if a layer's index is not below the number of layers."""
+    problem = f"must be a layer's index from 0 to {layers - 1} (got {index})"
+    require(index < layers, f"{key}.layer", problem)

@@ -13,8 +13,8 @@ from msph.expressions import ExpressionError, OverTime
 from msph.fluid.boundary.rigid_bodies import rotations
 from msph.fluid.moving_box import INTERVAL, Path, at_rest
 from msph.parameter import LARGEST, MAX_SPEED
-from msph.scene.errors import SceneError
-from msph.scene.schema import Body, Motion, Scene, Sway
+from msph.scene.errors import SceneError, require
+from msph.scene.schema import BodyEntry, Scene, Sway, TankMotion
 
 # Columns of a motion table: the time, and the displacement and angle.
 TIME, COLUMNS = "time_s", ("x_m", "y_m", "z_m", "angle_deg")
@@ -24,6 +24,9 @@ TRIALS = 500
 LEAST_GAP = 1e-6
 # Displacement [m] and angle [deg] of a motion at a time [s], (4,).
 Numbers = Callable[[float], np.ndarray]
+
+# Limit of a speed, in messages.
+TOO_FAST = f"at most {MAX_SPEED:g} m/s is allowed"
 
 # Number of poses that a path caches, since consecutive steps need poses at the same times.
 PLACES = 16
@@ -39,7 +42,7 @@ def box_path(scene: Scene) -> Path:
     parts = []
     if scene.sway.angle:
         height = home[1] if scene.sway.height is None else scene.sway.height
-        parts.append((sway_numbers(scene.sway), Motion(centre=(home[0], height, home[2]))))
+        parts.append((sway_numbers(scene.sway), TankMotion(centre=(home[0], height, home[2]))))
     parts += [
         (numbers(motion, scene.duration, f"motion.{k}"), motion)
         for k, motion in enumerate(scene.motion)
@@ -63,14 +66,14 @@ def box_path(scene: Scene) -> Path:
     return path
 
 
-def numbers(motion: Motion, duration: float, key: str) -> Numbers:
+def numbers(motion: TankMotion, duration: float, key: str) -> Numbers:
     """Returns the displacement and angle of a motion. Raises ExpressionError, TableError."""
     if motion.table is not None:
         return table_numbers(motion.table)
     return formula_numbers(motion, duration, key)
 
 
-def formula_numbers(given: Motion | Body, duration: float, key: str) -> Numbers:
+def formula_numbers(given: TankMotion | BodyEntry, duration: float, key: str) -> Numbers:
     """Returns the displacement and angle by the expressions of a motion or body, the table `key` of
     a scene of `duration` [s]. Raises ExpressionError."""
     keys = [f"{key}.displacement.{i}" for i in range(3)] + [f"{key}.angle"]
@@ -138,26 +141,23 @@ def _read(name: str) -> dict[str, np.ndarray]:
     return dict(zip(heads, values.T, strict=True))
 
 
-def check_motion(scene: Scene, where: str) -> None:
+def check_motion(scene: Scene) -> None:
     """Raises SceneError for a motion that is not defined over the duration."""
     for k, motion in enumerate(scene.motion):
         key = f"motion.{k}"
-        if not any(motion.axis):
-            raise SceneError(where, "has no direction", f"{key}.axis")
-        if motion.table is not None:
-            if any((*motion.displacement, motion.angle)):
-                raise SceneError(where, "give either a table, or displacement and angle", key)
-            try:
-                table_numbers(motion.table)
-            except TableError as error:
-                raise SceneError(where, str(error), f"{key}.table") from None
-        else:
-            check_formulas(motion, scene.duration, where, key)
+        require(any(motion.axis), f"{key}.axis", "has no direction")
+        if motion.table is None:
+            check_formulas(motion, scene.duration, key)
+            continue
+        both = any((*motion.displacement, motion.angle))
+        require(not both, key, "give either a table, or displacement and angle")
+        with explaining(f"{key}.table"):
+            table_numbers(motion.table)
     if scene.motion:
-        _check_speed(scene, where)
+        _check_speed(scene)
 
 
-def _check_speed(scene: Scene, where: str) -> None:
+def _check_speed(scene: Scene) -> None:
     """Raises SceneError if the corners of the tank are faster than MAX_SPEED within the duration;
     where the velocity jumps, the motion within INTERVAL counts."""
     path, reach = box_path(scene), 0.5 * math.hypot(*scene.box.size)
@@ -165,20 +165,15 @@ def _check_speed(scene: Scene, where: str) -> None:
         (before, turned), (after, turned_on) = path(time), path(time + INTERVAL)
         turn = float(np.linalg.norm(turned_on - turned)) / math.sqrt(2.0)
         speed = (float(np.linalg.norm(after - before)) + reach * turn) / INTERVAL
-        if not speed <= MAX_SPEED:
-            raise SceneError(
-                where,
-                f"the tank moves at {speed:.3g} m/s at t = {time:.3g} s; at most {MAX_SPEED:g} m/s "
-                "is allowed",
-                "motion",
-            )
+        problem = f"the tank moves at {speed:.3g} m/s at t = {time:.3g} s; {TOO_FAST}"
+        require(speed <= MAX_SPEED, "motion", problem)
 
 
-def check_formulas(given: Motion | Body, duration: float, where: str, key: str) -> None:
+def check_formulas(given: TankMotion | BodyEntry, duration: float, key: str) -> None:
     """Raises SceneError for expressions that are not defined over the duration [s]."""
     parts = {f"{key}.displacement.{i}": f for i, f in enumerate(given.displacement)}
     for name, formula in {**parts, f"{key}.angle": given.angle}.items():
-        with explaining(where, name):
+        with explaining(name):
             over(duration, OverTime(formula, duration))
 
 
@@ -188,9 +183,9 @@ def over(duration: float, found: Callable[[float], float]) -> list[float]:
 
 
 @contextlib.contextmanager
-def explaining(where: str, key: str) -> Iterator[None]:
-    """Turns an ExpressionError into a SceneError of a key."""
+def explaining(key: str) -> Iterator[None]:
+    """Turns an ExpressionError or a TableError into a SceneError of a key."""
     try:
         yield
-    except ExpressionError as error:
-        raise SceneError(where, str(error), key) from None
+    except (ExpressionError, TableError) as error:
+        raise SceneError("", str(error), key) from None

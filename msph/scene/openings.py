@@ -12,7 +12,7 @@ from msph.fluid.methods import METHODS, methods_with
 from msph.fluid.particles.layers import LayerSpec
 from msph.parameter import MAX_SPEED
 from msph.scene import schema
-from msph.scene.errors import SceneError
+from msph.scene.errors import is_one_of, require, require_layer
 from msph.scene.motion import TRIALS, explaining, over
 from msph.scene.schema import Scene
 
@@ -25,14 +25,14 @@ def openings(scene: Scene, specs: list[LayerSpec]) -> list[Opening]:
     return [opening(scene, given, specs, key) for key, given in tables(scene)]
 
 
-def tables(scene: Scene) -> list[tuple[str, schema.Opening]]:
+def tables(scene: Scene) -> list[tuple[str, schema.OpeningEntry]]:
     """Returns the inflows and outflows of a scene with their keys."""
-    found: list[tuple[str, schema.Opening]] = []
+    found: list[tuple[str, schema.OpeningEntry]] = []
     found += [(f"inflows.{k}", each) for k, each in enumerate(scene.inflows)]
     return found + [(f"outflows.{k}", each) for k, each in enumerate(scene.outflows)]
 
 
-def opening(scene: Scene, given: schema.Opening, specs: list[LayerSpec], key: str) -> Opening:
+def opening(scene: Scene, given: schema.OpeningEntry, specs: list[LayerSpec], key: str) -> Opening:
     """Returns the opening of the table `key` of a scene. Raises ExpressionError."""
     centre, half, edges = shape(given)
     enters = isinstance(given, schema.Inflow)
@@ -56,7 +56,7 @@ def opening(scene: Scene, given: schema.Opening, specs: list[LayerSpec], key: st
     return Opening(**{**vars(made), "speed": lambda time: share * found(time)})
 
 
-def shape(given: schema.Opening) -> tuple[np.ndarray, tuple[float, float], np.ndarray | None]:
+def shape(given: schema.OpeningEntry) -> tuple[np.ndarray, tuple[float, float], np.ndarray | None]:
     """Returns centre [m], half extents [m] and edges of the cross-section; see Opening."""
     if given.radius is not None:
         return np.array(given.centre, float), (given.radius, given.radius), None
@@ -67,7 +67,7 @@ def shape(given: schema.Opening) -> tuple[np.ndarray, tuple[float, float], np.nd
 
 
 def direction(
-    scene: Scene, given: schema.Opening, centre: np.ndarray, spacing: float
+    scene: Scene, given: schema.OpeningEntry, centre: np.ndarray, spacing: float
 ) -> np.ndarray:
     """Returns the direction (3,) of the flow: as given, or through the wall next to the centre and
     normal to a rectangle, or down if there is no such wall."""
@@ -118,55 +118,37 @@ def inflow_volumes(scene: Scene, specs: list[LayerSpec]) -> list[tuple[int, floa
     return [(layer, share * volume) for layer, volume in found]
 
 
-def check_openings(scene: Scene, specs: list[LayerSpec], where: str) -> None:
+def check_openings(scene: Scene, specs: list[LayerSpec]) -> None:
     """Raises SceneError for an inflow or outflow that cannot be built."""
-    given_tables = tables(scene)
-    if given_tables and not METHODS[scene.method].HAS_OPENINGS:
+    for key, given in tables(scene):
         able = methods_with("HAS_OPENINGS")
-        text = f"the method {scene.method} has no inflows and outflows; {able} has"
-        raise SceneError(where, text, given_tables[0][0].split(".")[0])
-    for key, given in given_tables:
-        _check_shape(given, where, key)
-        _check_flow(given, where, key)
-        layer = given.layer if isinstance(given, schema.Inflow) else None
-        if layer is not None and layer >= len(specs):
-            raise SceneError(
-                where,
-                f"must be a layer's index from 0 to {len(specs) - 1} (got {layer})",
-                f"{key}.layer",
-            )
-        if given.direction is not None and not any(given.direction):
-            raise SceneError(where, "has no direction", f"{key}.direction")
+        problem = f"the method {scene.method} has no inflows and outflows; {able} has"
+        require(METHODS[scene.method].HAS_OPENINGS, key.split(".")[0], problem)
+        _check_shape(given, key)
+        require(given.speed is None or given.rate is None, key, "give either speed or rate")
+        if isinstance(given, schema.Inflow):
+            flows = given.speed is not None or given.rate is not None
+            require(flows, key, "give a speed or a rate")
+            require_layer(given.layer or 0, len(specs), key)
+        points = given.direction is None or any(given.direction)
+        require(points, f"{key}.direction", "has no direction")
         # The message of an expression names its key.
-        with explaining(where, ""):
+        with explaining(""):
             made = opening(scene, given, specs, key)
             if made.speed:
                 over(scene.duration, made.speed)
-        across = made.edges
-        if across is not None and np.abs(across @ made.along).max() > 1e-6:
-            raise SceneError(where, "must be normal to the rectangle", f"{key}.direction")
-        problem = made.problem(walls(scene), specs[made.layer].spacing)
-        if problem:
-            raise SceneError(where, problem, key)
-        if scene.container is not None and made.wall(walls(scene), specs[made.layer].spacing):
-            raise SceneError(where, "lies on a wall of the box, outside the container", key)
+        normal = made.edges is None or np.abs(made.edges @ made.along).max() <= 1e-6
+        require(normal, f"{key}.direction", "must be normal to the rectangle")
+        problem = made.problem(walls(scene), specs[made.layer].spacing) or ""
+        require(not problem, key, problem)
+        free = scene.container is None or not made.wall(walls(scene), specs[made.layer].spacing)
+        require(free, key, "lies on a wall of the box, outside the container")
 
 
-def _check_shape(given: schema.Opening, where: str, key: str) -> None:
-    disc, rectangle = (given.centre, given.radius), (given.lo, given.hi)
-    found = [s for s in (disc, rectangle) if any(part is not None for part in s)]
-    if len(found) != 1 or any(part is None for part in found[0]):
-        raise SceneError(where, "give either centre and radius, or lo and hi", key)
+def _check_shape(given: schema.OpeningEntry, key: str) -> None:
+    single = is_one_of((given.centre, given.radius), (given.lo, given.hi))
+    require(single, key, "give either centre and radius, or lo and hi")
     if given.lo is not None and given.hi is not None:
         edges = np.array(given.hi) - np.array(given.lo)
-        if np.any(edges < 0.0) or (edges > 0.0).sum() != 2:
-            raise SceneError(
-                where, "lo and hi must differ along two axes, and lo be below hi", f"{key}.hi"
-            )
-
-
-def _check_flow(given: schema.Opening, where: str, key: str) -> None:
-    if given.speed is not None and given.rate is not None:
-        raise SceneError(where, "give either speed or rate", key)
-    if given.speed is None and given.rate is None and isinstance(given, schema.Inflow):
-        raise SceneError(where, "give a speed or a rate", key)
+        flat = np.all(edges >= 0.0) and (edges > 0.0).sum() == 2
+        require(flat, f"{key}.hi", "lo and hi must differ along two axes, and lo be below hi")

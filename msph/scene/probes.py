@@ -4,7 +4,7 @@ import numpy as np
 
 from msph.fluid.boundary.rigid_bodies import Ball, Block
 from msph.scene.bodies import bodies, number_of
-from msph.scene.errors import TOLERANCE, SceneError, in_metres
+from msph.scene.errors import TOLERANCE, SceneError, in_metres, require
 from msph.scene.observation import Probe
 from msph.scene.schema import Scene
 
@@ -19,48 +19,41 @@ PLACE_KEYS: dict[str, tuple[tuple[str, ...], ...]] = {
 }
 
 
-def _check_probe(scene: Scene, probe: Probe, where: str, key: str) -> None:
+def check_probes(scene: Scene) -> None:
+    """Raises SceneError if a probe cannot be built."""
+    for i, probe in enumerate(scene.probes):
+        _check_probe(scene, probe, f"probes.{i}")
+        new = probe.name not in [p.name for p in scene.probes[:i]]
+        require(new, f"probes.{i}.name", f"there are two probes named {probe.name!r}")
+
+
+def _check_probe(scene: Scene, probe: Probe, key: str) -> None:
     choices = PLACE_KEYS[probe.kind]
     every = dict.fromkeys(k for sets in PLACE_KEYS.values() for keys in sets for k in keys)
     given = tuple(name for name in every if getattr(probe, name) is not None)
     needed = " or ".join(" and ".join(names) for names in choices)
+    problem = f"is not a key of {probe.kind} probes, which need {needed}"
     for name in given:
-        if not any(name in names for names in choices):
-            problem = f"is not a key of {probe.kind} probes, which need {needed}"
-            raise SceneError(where, problem, f"{key}.{name}")
-    if given not in choices:
-        raise SceneError(where, f"a {probe.kind} probe needs {needed}", key)
-    if probe.window and probe.kind != "pressure":
-        raise SceneError(where, "is a key of pressure probes only", f"{key}.window")
+        require(any(name in names for names in choices), f"{key}.{name}", problem)
+    require(given in choices, key, f"a {probe.kind} probe needs {needed}")
+    averaged = probe.kind == "pressure" or not probe.window
+    require(averaged, f"{key}.window", "is a key of pressure probes only")
     size = np.array(scene.box.size)
     rooms = {"point": size, "lo": size, "hi": size, "at": size[[0, 2]]}
-    for name in given:
-        place, room = getattr(probe, name), rooms.get(name)
-        if room is not None and (
-            np.any(np.array(place) < -TOLERANCE) or np.any(np.array(place) > room + TOLERANCE)
-        ):
-            problem = f"{in_metres(place)} is outside the box of {in_metres(size)}"
-            raise SceneError(where, problem, f"{key}.{name}")
+    for name in (each for each in given if each in rooms):
+        place = np.array(getattr(probe, name))
+        inside = np.all((place >= -TOLERANCE) & (place <= rooms[name] + TOLERANCE))
+        problem = f"{in_metres(place)} is outside the box of {in_metres(size)}"
+        require(inside, f"{key}.{name}", problem)
     if probe.lo is not None and probe.hi is not None:
-        edges = np.array(probe.hi) - np.array(probe.lo)
-        if sorted(np.sign(edges)) != [0.0, 1.0, 1.0]:
-            problem = "must equal lo on one axis and exceed it on the others, to form a rectangle"
-            raise SceneError(where, problem, f"{key}.hi")
+        edges = np.sign(np.array(probe.hi) - np.array(probe.lo))
+        problem = "must equal lo on one axis and exceed it on the others, to form a rectangle"
+        require(sorted(edges) == [0.0, 1.0, 1.0], f"{key}.hi", problem)
     if probe.body is not None:
         try:
             number_of(scene, probe.body)
         except SceneError as error:
-            raise SceneError(where, error.problem, f"{key}.body") from None
-
-
-def check_probes(scene: Scene, where: str) -> None:
-    """Raises SceneError if a probe cannot be built."""
-    for i, probe in enumerate(scene.probes):
-        _check_probe(scene, probe, where, f"probes.{i}")
-        if probe.name in [p.name for p in scene.probes[:i]]:
-            raise SceneError(
-                where, f"there are two probes named {probe.name!r}", f"probes.{i}.name"
-            )
+            raise SceneError("", error.problem, f"{key}.body") from None
 
 
 def probe_cautions(scene: Scene) -> list[str]:

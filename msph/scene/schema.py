@@ -111,7 +111,7 @@ class Container(Placed):
     mesh: str = parameter(text="mesh file (.obj .ply .stl): next to the scene file, or shipped")
 
 
-class Body(Placed):
+class BodyEntry(Placed):
     """A body: a box from lo to hi, a ball, or a closed mesh.
 
     With density or mass it floats; otherwise it is fixed or in prescribed motion.
@@ -167,7 +167,7 @@ class Body(Placed):
     colour: Colour | None = parameter(None, text="colour, sRGB from 0 to 1; default: clay")
 
 
-class Opening(Section):
+class OpeningEntry(Section):
     """Cross-section of an inflow or outflow: a disc, or a rectangle normal to an axis."""
 
     centre: Vector | None = parameter(None, unit="m", text="centre of a disc")
@@ -185,7 +185,7 @@ class Opening(Section):
     )
 
 
-class Inflow(Opening):
+class Inflow(OpeningEntry):
     """An inflow: water that enters at a speed or rate, such as a tap, a jet or a spring."""
 
     layer: int | None = parameter(
@@ -193,7 +193,7 @@ class Inflow(Opening):
     )
 
 
-class Outflow(Opening):
+class Outflow(OpeningEntry):
     """An outflow: a hole in a wall, or a cross-section in the box that removes water.
 
     If a speed or rate is given, the flow is prescribed; otherwise water leaves freely.
@@ -225,7 +225,7 @@ class WaveMaker(Section):
     )
 
 
-class Motion(Section):
+class TankMotion(Section):
     """A motion of the tank over time, by expressions or a table; motions are composed in order.
 
     The water starts at rest in the tank.
@@ -290,7 +290,9 @@ class Scene(Section):
     box: Box = parameter(text="the pool")
     layers: list[Layer] = parameter(min_length=1, max_length=16, text="particle sizes")
     water: list[Water] = parameter(min_length=1, text="volumes of water")
-    bodies: list[Body] = parameter(list, max_length=64, text="fixed, moving and floating bodies")
+    bodies: list[BodyEntry] = parameter(
+        list, max_length=64, text="fixed, moving and floating bodies"
+    )
     inflows: list[Inflow] = parameter(list, max_length=8, text="inflows")
     outflows: list[Outflow] = parameter(list, max_length=8, text="outflows")
     container: Container | None = parameter(
@@ -307,7 +309,7 @@ class Scene(Section):
     )
     wavemakers: list[WaveMaker] = parameter(list, max_length=4, text="wave makers and beaches")
     sway: Sway = parameter(Sway, text="rocking at the start")
-    motion: Annotated[list[Motion], BeforeValidator(listed)] = parameter(
+    motion: Annotated[list[TankMotion], BeforeValidator(listed)] = parameter(
         list, max_length=8, text="motions of the tank"
     )
     camera: Camera = parameter(Camera, text="camera position")

@@ -5,10 +5,11 @@ import math
 import numpy as np
 
 from msph.fluid.adaptivity.bands import with_exact_ratios
+from msph.fluid.boundary.rigid_bodies import Ball, Block, volume
 from msph.fluid.methods import METHODS
 from msph.fluid.particles.layers import LayerSpec
 from msph.scene.openings import inflow_volumes
-from msph.scene.schema import Body, Scene, Water
+from msph.scene.schema import BodyEntry, Scene, Water
 
 # Least default capacity [particles] with adaptation, unless water of the finest layer needs less.
 MIN_ADAPTIVE_CAPACITY = 16_000
@@ -34,32 +35,22 @@ def layer_specs(scene: Scene) -> list[LayerSpec]:
     return with_exact_ratios(specs) if scene.adaptation.enabled else specs
 
 
-def bounds(part: Water | Body) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the lower and upper corner [m] of the bounding box of a volume of water, or of a body
-    that is a box or a ball, (3,) each."""
-    if part.radius is not None:
-        centre = np.array(part.centre)
-        return centre - part.radius, centre + part.radius
-    return np.array(part.lo), np.array(part.hi)
+def shape_of(given: Water | BodyEntry) -> Ball | Block:
+    """Returns the ball or box of a volume of water, or of a body without a mesh."""
+    if given.radius is not None:
+        return Ball(np.array(given.centre, float), given.radius)
+    return Block(np.array(given.lo, float), np.array(given.hi, float))
 
 
 def particle_count(water: Water, spec: LayerSpec) -> int:
     """Returns the number of particles: `count`, or the volume over the particle volume."""
-    return water.count or max(1, round(volume(water) / spec.volume))
-
-
-def volume(water: Water) -> float:
-    """Returns the volume [m^3] of the box or ball; `count` is ignored."""
-    if water.radius is not None:
-        return 4.0 / 3.0 * math.pi * water.radius**3
-    lo, hi = bounds(water)
-    return float(np.prod(hi - lo))
+    return water.count or max(1, round(volume(shape_of(water)) / spec.volume))
 
 
 def specified_mass(scene: Scene, specs: list[LayerSpec]) -> float:
     """Returns the mass [kg] of water in the scene file: by volume, or by `count` where given."""
     return sum(
-        scene.density * volume(w) if w.count is None else w.count * specs[w.layer].mass
+        scene.density * volume(shape_of(w)) if w.count is None else w.count * specs[w.layer].mass
         for w in scene.water
     )
 
@@ -79,7 +70,7 @@ def _block(water: Water, spec: LayerSpec) -> np.ndarray:
     The remainder of n over the number of rows adds one particle each to rows spread by the R2
     sequence, so that the density is even from the bottom to the surface.
     """
-    lo, hi = bounds(water)
+    lo, hi = shape_of(water).bounds
     length, count = hi - lo, particle_count(water, spec)
     if water.count is not None:
         length[1] = count * spec.volume / (length[0] * length[2])

@@ -9,10 +9,10 @@ from msph.fluid.boundary.beach import Beach
 from msph.fluid.boundary.rigid_bodies import Block, Scripted, end_block
 from msph.fluid.methods import METHODS, methods_with
 from msph.parameter import MAX_SPEED
-from msph.scene.errors import SceneError
-from msph.scene.motion import ramp
+from msph.scene.errors import require
+from msph.scene.motion import TOO_FAST, ramp
 from msph.scene.schema import Scene, WaveMaker
-from msph.scene.water import bounds, layer_specs
+from msph.scene.water import layer_specs, shape_of
 
 # Exponent of the decay of an amplitude on both ways through a beach: 2 % of a wave return.
 DECAY = 4.0
@@ -89,7 +89,7 @@ def wave_number(period: float, depth: float, gravity: float) -> float:
 
 def water_depth(scene: Scene) -> float:
     """Returns the height [m] of the highest volume of water at the start."""
-    return max(float(bounds(water)[1][1]) for water in scene.water)
+    return max(float(shape_of(water).bounds[1][1]) for water in scene.water)
 
 
 def _end(maker: WaveMaker) -> tuple[int, bool]:
@@ -113,42 +113,32 @@ def _face(scene: Scene, maker: WaveMaker) -> float:
     return _nearest(scene, maker) if maker.position is None else maker.position
 
 
-def check_wave_makers(scene: Scene, where: str) -> None:
+def check_wave_makers(scene: Scene) -> None:
     """Raises SceneError for a wave maker that cannot be built."""
-    if scene.wavemakers and not METHODS[scene.method].HAS_BODIES:
-        able = methods_with("HAS_BODIES")
-        raise SceneError(where, f"the method {scene.method} has none; {able} has", "wavemakers")
-    if scene.wavemakers and scene.container:
-        raise SceneError(where, "need the walls of a box, not a container", "wavemakers")
-    gravity = scene.gravity
-    if scene.wavemakers and not (gravity[1] < 0.0 and gravity[0] == gravity[2] == 0.0):
-        raise SceneError(where, "need gravity along -y", "wavemakers")
+    if not scene.wavemakers:
+        return
+    able, (x, y, z) = methods_with("HAS_BODIES"), scene.gravity
+    problem = f"the method {scene.method} has none; {able} has"
+    require(METHODS[scene.method].HAS_BODIES, "wavemakers", problem)
+    require(scene.container is None, "wavemakers", "need the walls of a box, not a container")
+    require(y < 0.0 and x == z == 0.0, "wavemakers", "need gravity along -y")
     ends = [maker.end for maker in scene.wavemakers]
     for k, maker in enumerate(scene.wavemakers):
         key, axis, first = f"wavemakers.{k}", _end(maker)[0], ends.index(maker.end)
-        if first < k:
-            raise SceneError(where, f"wavemakers.{first} is at this end", f"{key}.end")
-        if maker.beach and "+-"[maker.end[0] == "+"] + maker.end[1] in ends:
-            raise SceneError(where, "there is a wave maker at the other end", f"{key}.beach")
-        least, room = _nearest(scene, maker), scene.box.size[axis]
-        if maker.position is not None and maker.position < least:
-            raise SceneError(
-                where,
-                f"must be at least {least:.3g} m, half the stroke and half the reach of a particle "
-                f"(got {maker.position:g})",
-                f"{key}.position",
-            )
-        if _face(scene, maker) + 0.5 * maker.stroke + maker.beach >= room:
-            raise SceneError(where, f"with its stroke and beach it does not fit in {room:g} m", key)
+        require(first == k, f"{key}.end", f"wavemakers.{first} is at this end")
+        free = not maker.beach or "+-"[maker.end[0] == "+"] + maker.end[1] not in ends
+        require(free, f"{key}.beach", "there is a wave maker at the other end")
+        least, face, room = _nearest(scene, maker), _face(scene, maker), scene.box.size[axis]
+        require(
+            face >= least,
+            f"{key}.position",
+            f"must be at least {least:.3g} m, half the stroke and half the reach of a particle "
+            f"(got {face:g})",
+        )
+        fits = face + 0.5 * maker.stroke + maker.beach < room
+        require(fits, key, f"with its stroke and beach it does not fit in {room:g} m")
         speed = wave_makers(scene)[k].motion.top_speed(0.0)
-        if speed > MAX_SPEED:
-            raise SceneError(
-                where, f"moves at {speed:.3g} m/s; at most {MAX_SPEED:g} m/s is allowed", key
-            )
-        slope = 0.5 * maker.stroke / water_depth(scene)
-        if maker.kind == "flap" and slope > STEEPEST:
-            raise SceneError(
-                where,
-                f"would tilt the flap by more than 45 degrees (got {maker.stroke:g})",
-                f"{key}.stroke",
-            )
+        require(speed <= MAX_SPEED, key, f"moves at {speed:.3g} m/s; {TOO_FAST}")
+        gentle = maker.kind != "flap" or 0.5 * maker.stroke <= STEEPEST * water_depth(scene)
+        problem = f"would tilt the flap by more than 45 degrees (got {maker.stroke:g})"
+        require(gentle, f"{key}.stroke", problem)
