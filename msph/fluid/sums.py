@@ -22,7 +22,7 @@ class Sum:
     """
 
     def __init__(self, vector: bool = False):
-        number = longest_float()
+        number, self.vector = longest_float(), vector
         self.total, self.marked, self.parts = (
             ti.Vector.field(3, number, shape=shape) if vector else ti.field(number, shape=shape)
             for shape in ((), (), SLOTS)

@@ -11,19 +11,102 @@ from msph.scene.check import MIN_SPACINGS_ACROSS
 PERCENT, DECIMAL, INTEGER, EXPONENT = "{:+.3f} %", "{:.1f}", "{:.0f}", "{:.1e}"
 
 
+# A row of a group: key in the summary, limit (in the value's unit; of the resolution a lower
+# limit), format (PERCENT multiplies by 100), label. Unless explained, limits are about twice the
+# largest value of the shipped scenes in their first 2 s by the projection method (docs/scenes.md).
+RESOLUTION = (
+    # Periods of sloshing are 2 % off at 10 spacings, 0.9 % at 12 (bench/results/accuracy.md).
+    ("spacings_across_depth", 10.0, DECIMAL, "finest spacings across the mean depth"),
+    (
+        "spacings_across_narrowest_gap",
+        float(MIN_SPACINGS_ACROSS),
+        DECIMAL,
+        "across the narrowest gap",
+    ),
+    # The support of 2.45 spacings less half a spacing between each face and the particles.
+    ("spacings_across_bodies", 1.45, DECIMAL, "across"),
+)
+WATER = (
+    # Equal to the limit of the mean bulk density error: both errors shift water levels.
+    ("mass_laid_error", 0.005, PERCENT, "initial mass against the scene's"),
+)
+CONSERVATION = (
+    # Rounding of single precision is 1e-7.
+    ("mass_change", 1e-6, EXPONENT, "change of mass"),
+    ("outside_most", 0.0, INTEGER, "most particles outside the box or inside bodies"),
+    # Ten times the largest value: the share of rounding grows as the water moves less.
+    ("momentum_drift", 1e-4, EXPONENT, "momentum created by pair forces"),
+    ("angular_momentum_drift", 1e-3, EXPONENT, "angular momentum created by pair forces"),
+    # Equal to the limit of bench/accuracy.py for still and sloshing water.
+    ("energy_gain", 0.001, PERCENT, "energy gain beyond external work"),
+    # Large if little water moves: on a lattice, water gains as much while its surface settles.
+    ("energy_gain_of_motion", 0.1, PERCENT, "the same over the energy of the motion"),
+    ("energy_rise_in_1_s", 0.001, PERCENT, "energy gain within 1 s without input"),
+)
+DENSITY = (
+    ("solver_residual_mean", 0.002, PERCENT, "solver residual, mean"),
+    ("solver_residual_p99", 0.02, PERCENT, "solver residual, 99th percentile"),
+    ("solver_residual_max", 0.5, PERCENT, "solver residual, largest"),
+    # Disordered water of the right volume has errors of up to 2 and 6 % (docs/method.md).
+    ("kernel_density_error_mean", 0.03, PERCENT, "kernel density error, mean"),
+    ("kernel_density_error_p99", 0.1, PERCENT, "kernel density error, 99th percentile"),
+    ("bulk_density_error_mean", 0.005, PERCENT, "bulk density error, mean"),
+    ("bulk_density_error_worst", 0.02, PERCENT, "bulk density error, worst"),
+)
+VOLUME = (
+    ("volume_error_mean", 0.002, PERCENT, "volume within the surface mesh, mean"),
+    ("volume_error_worst", 0.02, PERCENT, "volume within the surface mesh, worst"),
+)
+GROUPS = {
+    "resolution": RESOLUTION,
+    "water": WATER,
+    "conservation": CONSERVATION,
+    "density": DENSITY,
+    "volume": VOLUME,
+}
+# Consequence of a value outside its limit.
+CAUTIONS = {
+    "spacings_across_depth": "waves are under-resolved: periods are 2 % off at 10 spacings, more "
+    "at fewer",
+    "spacings_across_narrowest_gap": "particles pass through the gap one by one or not at all",
+    "spacings_across_bodies": "water on both sides of the body interacts through it",
+    "mass_laid_error": "particles are too large for the volumes of water; levels are off by as "
+    "much",
+    "mass_change": "water was lost or created; please report this as a bug",
+    "outside_most": "water leaked: a body is too thin or too fast for the particles",
+    "momentum_drift": "pair forces are not opposite: the method does not conserve momentum",
+    "angular_momentum_drift": "pair forces exert a torque: vortices are inaccurate",
+    "energy_gain": "the method creates kinetic energy; use smaller particles or time steps",
+    "energy_gain_of_motion": "waves this small are not distinguishable from the settling of the "
+    "particles",
+    "energy_rise_in_1_s": "the method creates kinetic energy while nothing moves the water",
+    "solver_residual_mean": "the pressure solve does not reach its own target density",
+    "solver_residual_p99": "one particle in a hundred is compressed: time steps are too long for "
+    "the impacts",
+    "solver_residual_max": "some particles nearly coincide; pressures near them are inaccurate",
+    "kernel_density_error_mean": "particles are very unevenly arranged or compressed",
+    "kernel_density_error_p99": "one particle in a hundred nearly coincides with another",
+    "bulk_density_error_mean": "the water occupies less or more than its volume",
+    "bulk_density_error_worst": "at some time the water occupies less or more than its volume",
+    "volume_error_mean": "the image shows less or more water than there is",
+    "volume_error_worst": "in some images water is missing or added",
+}
+
+
 @dataclass(frozen=True)
 class Figure:
-    """A row of the table: key in the summary, group, label, limit (in the value's unit), format
-    (PERCENT multiplies by 100), and the consequence of a value outside the limit. lower: True for
-    a lower limit."""
+    """A row of the table, with its group."""
 
     key: str
-    group: str
-    label: str
     limit: float
     form: str
-    caution: str
-    lower: bool = False
+    label: str
+    group: str
+
+    @property
+    def lower(self) -> bool:
+        """True for a lower limit."""
+        return self.group == "resolution"
 
     def accepts(self, value: float) -> bool:
         """Returns True if a finite value is within the limit."""
@@ -40,181 +123,7 @@ class Figure:
         return f"{sign} {100.0 * self.limit:g} %" if percent else f"{sign} {self.limit:g}"
 
 
-# Unless explained, limits are about twice the largest value of the shipped scenes in their first
-# 2 s by the projection method (docs/scenes.md).
-FIGURES = (
-    # Periods of sloshing are 2 % off at 10 spacings, 0.9 % at 12 (bench/results/accuracy.md).
-    Figure(
-        "spacings_across_depth",
-        "resolution",
-        "finest spacings across the mean depth",
-        10.0,
-        DECIMAL,
-        "waves are under-resolved: periods are 2 % off at 10 spacings, more at fewer",
-        lower=True,
-    ),
-    Figure(
-        "spacings_across_narrowest_gap",
-        "resolution",
-        "across the narrowest gap",
-        float(MIN_SPACINGS_ACROSS),
-        DECIMAL,
-        "particles pass through the gap one by one or not at all",
-        lower=True,
-    ),
-    # The support of 2.45 spacings less half a spacing between each face and the particles.
-    Figure(
-        "spacings_across_bodies",
-        "resolution",
-        "across",
-        1.45,
-        DECIMAL,
-        "water on both sides of the body interacts through it",
-        lower=True,
-    ),
-    # Equal to the limit of the mean bulk density error: both errors shift water levels.
-    Figure(
-        "mass_laid_error",
-        "water",
-        "initial mass against the scene's",
-        0.005,
-        PERCENT,
-        "particles are too large for the volumes of water; levels are off by as much",
-    ),
-    # Rounding of single precision is 1e-7.
-    Figure(
-        "mass_change",
-        "conservation",
-        "change of mass",
-        1e-6,
-        EXPONENT,
-        "water was lost or created; please report this as a bug",
-    ),
-    Figure(
-        "outside_most",
-        "conservation",
-        "most particles outside the box or inside bodies",
-        0.0,
-        INTEGER,
-        "water leaked: a body is too thin or too fast for the particles",
-    ),
-    # Ten times the largest value: the share of rounding grows as the water moves less.
-    Figure(
-        "momentum_drift",
-        "conservation",
-        "momentum created by pair forces",
-        1e-4,
-        EXPONENT,
-        "pair forces are not opposite: the method does not conserve momentum",
-    ),
-    Figure(
-        "angular_momentum_drift",
-        "conservation",
-        "angular momentum created by pair forces",
-        1e-3,
-        EXPONENT,
-        "pair forces exert a torque: vortices are inaccurate",
-    ),
-    # Equal to the limit of bench/accuracy.py for still and sloshing water.
-    Figure(
-        "energy_gain",
-        "conservation",
-        "energy gain beyond external work",
-        0.001,
-        PERCENT,
-        "the method creates kinetic energy; use smaller particles or time steps",
-    ),
-    # Large if little water moves: on a lattice, water gains as much while its surface settles.
-    Figure(
-        "energy_gain_of_motion",
-        "conservation",
-        "the same over the energy of the motion",
-        0.1,
-        PERCENT,
-        "waves this small are not distinguishable from the settling of the particles",
-    ),
-    Figure(
-        "energy_rise_in_1_s",
-        "conservation",
-        "energy gain within 1 s without input",
-        0.001,
-        PERCENT,
-        "the method creates kinetic energy while nothing moves the water",
-    ),
-    Figure(
-        "solver_residual_mean",
-        "density",
-        "solver residual, mean",
-        0.002,
-        PERCENT,
-        "the pressure solve does not reach its own target density",
-    ),
-    Figure(
-        "solver_residual_p99",
-        "density",
-        "solver residual, 99th percentile",
-        0.02,
-        PERCENT,
-        "one particle in a hundred is compressed: time steps are too long for the impacts",
-    ),
-    Figure(
-        "solver_residual_max",
-        "density",
-        "solver residual, largest",
-        0.5,
-        PERCENT,
-        "some particles nearly coincide; pressures near them are inaccurate",
-    ),
-    # Disordered water of the right volume has errors of up to 2 and 6 % (docs/method.md).
-    Figure(
-        "kernel_density_error_mean",
-        "density",
-        "kernel density error, mean",
-        0.03,
-        PERCENT,
-        "particles are very unevenly arranged or compressed",
-    ),
-    Figure(
-        "kernel_density_error_p99",
-        "density",
-        "kernel density error, 99th percentile",
-        0.1,
-        PERCENT,
-        "one particle in a hundred nearly coincides with another",
-    ),
-    Figure(
-        "bulk_density_error_mean",
-        "density",
-        "bulk density error, mean",
-        0.005,
-        PERCENT,
-        "the water occupies less or more than its volume",
-    ),
-    Figure(
-        "bulk_density_error_worst",
-        "density",
-        "bulk density error, worst",
-        0.02,
-        PERCENT,
-        "at some time the water occupies less or more than its volume",
-    ),
-    Figure(
-        "volume_error_mean",
-        "volume",
-        "volume within the surface mesh, mean",
-        0.002,
-        PERCENT,
-        "the image shows less or more water than there is",
-    ),
-    Figure(
-        "volume_error_worst",
-        "volume",
-        "volume within the surface mesh, worst",
-        0.02,
-        PERCENT,
-        "in some images water is missing or added",
-    ),
-)
+FIGURES = [Figure(*row, group) for group, rows in GROUPS.items() for row in rows]
 
 
 @dataclass(frozen=True)
@@ -254,7 +163,7 @@ def cautions(lines: list[Line], volume_reason: str | None = None) -> list[str]:
         figure = line.figure
         why = f"; {volume_reason}" if volume_reason and figure.group == "volume" else ""
         value, limit = figure.formatted(line.value), figure.formatted_limit()
-        found.append(f"{line.label}: {value} (limit {limit}): {figure.caution}{why}")
+        found.append(f"{line.label}: {value} (limit {limit}): {CAUTIONS[figure.key]}{why}")
     return found
 
 

@@ -12,14 +12,17 @@ ENERGIES = (
 )
 WORKS = ("wall_work", "user_work", "inertia_work", "tilt_work", "inflow_work")
 
+# Marks sums since the start, which a resumed run restarts at zero.
+SUM = "sum since the start"
+
 
 @dataclass(frozen=True)
 class Entry:
     """Quantities of the water at one time; vectors are (3,), angular momenta about the origin.
 
     momentum_scale = sum m |v| and angular_scale = sum m |x - c| |v|, with c the box's centre, are
-    the references of drifts. potential = -M g . centre, zero at the origin. Impulses, works,
-    added_mass and merge_loss are sums since the start (msph.fluid.impulse_ledger); tilt_work is the
+    the references of drifts. potential = -M g . centre, zero at the origin. Most of the SUMs are
+    those of msph.fluid.impulse_ledger; tilt_work is the
     work of turning gravity in the frame of the box, inertia_work includes floating bodies. Solver
     residuals are the mean, 99th percentile and maximum over particles of max(rho/rho0 - 1, 0), as
     densities at free surfaces are below rest; rho is the solver's own density, its correction
@@ -41,18 +44,18 @@ class Entry:
     kinetic: Annotated[float, "J"]
     potential: Annotated[float, "J"]
     gravity: Annotated[np.ndarray, "m/s^2"]
-    internal_impulse: Annotated[np.ndarray, "N s"]
-    internal_angular_impulse: Annotated[np.ndarray, "N m s"]
-    wall_impulse: Annotated[np.ndarray, "N s"]
-    body_impulse: Annotated[np.ndarray, "N s"]
-    wall_work: Annotated[float, "J"]
-    user_impulse: Annotated[np.ndarray, "N s"]
-    user_work: Annotated[float, "J"]
-    inertia_impulse: Annotated[np.ndarray, "N s"]
-    inertia_work: Annotated[float, "J"]
-    tilt_work: Annotated[float, "J"]
-    added_mass: Annotated[float, "kg"]
-    merge_loss: Annotated[float, "J"]
+    internal_impulse: Annotated[np.ndarray, "N s", SUM]
+    internal_angular_impulse: Annotated[np.ndarray, "N m s", SUM]
+    wall_impulse: Annotated[np.ndarray, "N s", SUM]
+    body_impulse: Annotated[np.ndarray, "N s", SUM]
+    wall_work: Annotated[float, "J", SUM]
+    user_impulse: Annotated[np.ndarray, "N s", SUM]
+    user_work: Annotated[float, "J", SUM]
+    inertia_impulse: Annotated[np.ndarray, "N s", SUM]
+    inertia_work: Annotated[float, "J", SUM]
+    tilt_work: Annotated[float, "J", SUM]
+    added_mass: Annotated[float, "kg", SUM]
+    merge_loss: Annotated[float, "J", SUM]
     floating_momentum: Annotated[np.ndarray, "kg m/s"]
     floating_angular_momentum: Annotated[np.ndarray, "kg m^2/s"]
     floating_kinetic: Annotated[float, "J"]
@@ -63,14 +66,14 @@ class Entry:
     top_speed: Annotated[float, "m/s"]
     outside: Annotated[int, "-"]
     spilt: Annotated[float, "kg"]
-    spilt_momentum: Annotated[np.ndarray, "kg m/s"]
-    spilt_energy: Annotated[float, "J"]
-    inflow_mass: Annotated[float, "kg"]
-    inflow_impulse: Annotated[np.ndarray, "N s"]
-    inflow_work: Annotated[float, "J"]
-    outflow_mass: Annotated[float, "kg"]
-    outflow_momentum: Annotated[np.ndarray, "kg m/s"]
-    outflow_energy: Annotated[float, "J"]
+    spilt_momentum: Annotated[np.ndarray, "kg m/s", SUM]
+    spilt_energy: Annotated[float, "J", SUM]
+    inflow_mass: Annotated[float, "kg", SUM]
+    inflow_impulse: Annotated[np.ndarray, "N s", SUM]
+    inflow_work: Annotated[float, "J", SUM]
+    outflow_mass: Annotated[float, "kg", SUM]
+    outflow_momentum: Annotated[np.ndarray, "kg m/s", SUM]
+    outflow_energy: Annotated[float, "J", SUM]
 
     @property
     def work(self) -> float:
@@ -98,7 +101,7 @@ def columns() -> list[str]:
     """Returns the column heads "name [unit]"; a vector has name_x, name_y, name_z."""
     heads = []
     for f in fields(Entry):
-        kind, unit = get_args(f.type)
+        kind, unit, *_ = get_args(f.type)
         parts = [f"{f.name}_{k}" for k in "xyz"] if kind is np.ndarray else [f.name]
         heads += [f"{part} [{unit}]" for part in parts]
     return heads

@@ -12,14 +12,13 @@ import psutil
 from msph.errors import BadInputError
 from msph.fluid.checkpoint import numbers
 from msph.measure.bulk import BulkDensity
-from msph.measure.entry import Entry, columns
+from msph.measure.entry import SUM, Entry, columns
 from msph.measure.kernel_density import KernelDensity
 from msph.measure.survey import COLUMNS, Survey
-from msph.measure.totals import GIVEN_SCALARS, GIVEN_VECTORS
 from msph.parameter import LONGEST
 
-# Fields of an entry that are sums since the start; a resumed run restarts them at zero.
-SUMS = (*GIVEN_VECTORS, *GIVEN_SCALARS, "body_impulse", "tilt_work", "outflow_mass")
+# Fields of an entry that are sums since the start.
+SUMS = [f.name for f in fields(Entry) if SUM in get_args(f.type)]
 
 
 class CheckpointError(BadInputError):
@@ -87,7 +86,7 @@ def entries(rows: np.ndarray) -> list[Entry]:
     for row in rows:
         values, place = {}, 0
         for field in fields(Entry):
-            kind, _ = get_args(field.type)
+            kind = get_args(field.type)[0]
             if kind is np.ndarray:
                 values[field.name] = row[place : place + 3].copy()
                 place += 3

@@ -3,6 +3,7 @@
 import numpy as np
 import taichi as ti
 
+from msph.fluid.sums import Sum
 from msph.fluid.world import World
 from msph.launches import data_oriented, kernel
 from msph.taichi_internals import longest_float
@@ -21,16 +22,6 @@ _SCALARS = (
 MASS, SPEED, ARM_SPEED, KINETIC, BROKEN = range(5)
 _PEAKS = ("top_speed",)
 TOP_SPEED = 0
-# Sums of the impulse ledger.
-GIVEN_VECTORS = (
-    *("internal_impulse", "internal_angular_impulse"),
-    *("wall_impulse", "user_impulse", "inertia_impulse", "spilt_momentum"),
-    *("inflow_impulse", "outflow_momentum"),
-)
-GIVEN_SCALARS = (
-    *("wall_work", "user_work", "inertia_work", "added_mass", "merge_loss"),
-    *("spilt_energy", "inflow_mass", "inflow_work", "outflow_energy"),
-)
 
 
 @data_oriented
@@ -44,8 +35,11 @@ class Totals:
         self.constants, self.contact = parts.constants, parts.contact
         self.particles, self.layers = parts.particles, parts.layers
         self.impulses = impulses
-        self.given_vectors = tuple(getattr(impulses, name).total for name in GIVEN_VECTORS)
-        self.given_scalars = tuple(getattr(impulses, name).total for name in GIVEN_SCALARS)
+        sums = {name: each for name, each in vars(impulses).items() if isinstance(each, Sum)}
+        self.vectors = {name: each.total for name, each in sums.items() if each.vector}
+        self.scalars = {name: each.total for name, each in sums.items() if not each.vector}
+        self.given_vectors = tuple(self.vectors.values())
+        self.given_scalars = tuple(self.scalars.values())
 
     def read(self) -> dict:
         """Returns the totals by name, each a float or an array (3,)."""
@@ -56,15 +50,15 @@ class Totals:
         scalars = np.zeros((rows, len(_SCALARS)), np.float32)
         peaks = np.zeros((rows, len(_PEAKS)), np.float32)
         longest = np.float64 if longest_float() == ti.f64 else np.float32
-        impulses = np.zeros((len(GIVEN_VECTORS), 3), longest)
-        works = np.zeros(len(GIVEN_SCALARS), longest)
+        impulses = np.zeros((len(self.vectors), 3), longest)
+        works = np.zeros(len(self.scalars), longest)
         self._reduce(n, vectors, scalars, peaks, impulses, works)
         return {
             **dict(zip(_VECTORS, vectors.sum(axis=0, dtype=float), strict=True)),
             **dict(zip(_SCALARS, scalars.sum(axis=0, dtype=float).tolist(), strict=True)),
             **dict(zip(_PEAKS, peaks.max(axis=0).tolist(), strict=True)),
-            **dict(zip(GIVEN_VECTORS, impulses.astype(float), strict=True)),
-            **dict(zip(GIVEN_SCALARS, works.tolist(), strict=True)),
+            **dict(zip(self.vectors, impulses.astype(float), strict=True)),
+            **dict(zip(self.scalars, works.tolist(), strict=True)),
             "outside": self.contact.leaked(),
         }
 
@@ -98,8 +92,8 @@ class Totals:
                 if ti.math.isnan(total) or ti.math.isinf(total):
                     scalars[row, BROKEN] += 1.0
                 peaks[row, TOP_SPEED] = ti.max(peaks[row, TOP_SPEED], speed)
-        for a in ti.static(range(len(GIVEN_VECTORS))):
+        for a in ti.static(range(len(self.given_vectors))):
             for k in ti.static(range(3)):
                 impulses[a, k] = self.given_vectors[a][None][k]
-        for a in ti.static(range(len(GIVEN_SCALARS))):
+        for a in ti.static(range(len(self.given_scalars))):
             works[a] = self.given_scalars[a][None]

@@ -20,7 +20,7 @@ from msph.stage.layout import GAP, HINTS, PANELS
 from msph.stage.panel import PAGES
 from msph.stage.player import Player
 from msph.stage.row import Row
-from msph.stage.sheet import Slider
+from msph.stage.sheet import Slider, text_height
 from tests.stage.player_kit import (
     HEIGHT,
     WIDTH,
@@ -98,7 +98,7 @@ def test_a_message_covers_neither_hints_nor_legend(player, show, view, panel):
 def test_hints_do_not_cover_the_box(box):
     """Regression: the line of hints covered the box's lowest corner."""
     width, height = 960, 540
-    text = pages.text_height(height)
+    text = text_height(height)
     sheet = pages.hints([key.hint for key in KEYS if key.hint], False, text, width)
     corners = np.indices((2, 2, 2)).reshape(3, 8).T * box
     camera = Camera.framing(box, width / height, below=BELOW)
