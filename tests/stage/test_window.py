@@ -36,6 +36,7 @@ msph.cli.main()
 """
 
 
+@pytest.mark.slow
 @needs_x
 def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
     arguments = (write(tmp_path), "--size", f"{WIDTH}x{HEIGHT}")
@@ -102,6 +103,7 @@ def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
         process.kill()
 
 
+@pytest.mark.slow
 @needs_x
 def test_a_lesson_is_answered_and_done_with_keys_and_mouse(display, tmp_path):
     """Keys answer a question, the mouse completes a task, and the cache holds the progress."""
