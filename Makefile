@@ -1,4 +1,5 @@
-# make play: open the pool.  make test: run the tests.  Each sets itself up in .venv first.
+# make play: open the pool.  make test: run the fast tests.  make test-all: run all tests.
+# Each sets itself up in .venv first.
 
 PYTHONS := python3.12 python3.11 python3.13 python3.10 python3
 VENV := .venv
@@ -9,29 +10,32 @@ PYTHON ?= $(shell for p in $(PYTHONS); do \
 	$$p -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' 2>/dev/null \
 	&& echo $$p && break; done)
 
-WATER := tests/fluid tests/measure tests/picture tests/surface
-
-.PHONY: play test test-plain durations conformance installation check bench clean
+.PHONY: play test test-slow test-all test-plain durations conformance installation check bench clean
 
 play: $(VENV)/play
 	@$(RUN) main.py
 
 # Most of a test's time is compiling on one thread; files share what they compile, and are begun in
 # the order of tests/conftest.py. Each run writes its times for `make durations`.
-TEST = $(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder --junitxml=out/tests/$@
+TEST = $(RUN) -m pytest -n 2 --dist loadfile --no-loadscope-reorder --junitxml=out/tests/$@.xml
+ALL = tests --ignore=tests/test_conformance.py
 
-# In two runs: a process has room for 512 trees of Taichi's fields, and one of two that were quick
-# took them all. The second finds in Taichi's cache what the first has compiled.
+# Each behaviour has a test here, which notices its gross failures.
 test: $(VENV)/dev
-	$(TEST)-water.xml $(WATER)
-	$(TEST).xml tests $(WATER:%=--ignore=%) \
-		--ignore=tests/test_conformance.py
+	$(TEST) -m "not slow" $(ALL)
 
-# The water once more without Taichi's private interfaces.
+# Tests marked as slow: long simulations, real windows, lessons and notebooks.
+test-slow: $(VENV)/dev
+	$(TEST) -m slow $(ALL)
+
+test-all: test test-slow
+
+# The launcher, neighbours, solver and bodies once more without Taichi's private interfaces.
 test-plain: $(VENV)/dev
-	MSPH_PLAIN_TAICHI=1 $(TEST).xml tests/fluid
+	MSPH_PLAIN_TAICHI=1 $(TEST) tests/test_launches.py tests/fluid/test_grid.py \
+		tests/fluid/test_projection.py tests/fluid/test_floating_bodies.py
 
-# Records how long the last tests took: the order of files, and bench/results/tests.md.
+# Records the CPU time of each of the last tests: the order of files, and bench/results/tests.md.
 durations: $(VENV)/dev
 	$(RUN) -m tests.durations
 

@@ -48,3 +48,13 @@ def pytest_collection_modifyitems(items):
     nearly the same time; new files before all others."""
     seconds = json.loads(DURATIONS.read_text())
     items.sort(key=lambda item: -seconds.get(item.path.name, math.inf))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(item):
+    """Reports the CPU time [s] since the last test ended, of this process and of those it waited
+    for. Unlike elapsed time it hardly depends on what else the machine does."""
+    yield
+    before = item.session.__dict__.get("cpu_time", 0.0)
+    item.session.cpu_time = sum(os.times()[:4])
+    item.user_properties.append(("cpu", f"{item.session.cpu_time - before:.2f}"))

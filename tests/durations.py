@@ -1,7 +1,7 @@
-"""Durations of the tests, from the reports of the last `make test` and `make test-plain`.
+"""CPU times of the tests, from the reports of the last `make test-all` and `make test-plain`.
 
-make durations: writes tests/durations.json, by which conftest.py orders the files, and
-bench/results/tests.md.
+make durations: writes tests/durations.json, by which conftest.py orders the files, and the first
+part of bench/results/tests.md; the part from the heading of MUTATIONS on is kept.
 """
 
 import collections
@@ -15,17 +15,19 @@ from tabulate import tabulate
 DURATIONS = Path(__file__).with_name("durations.json")
 ROOT = Path(__file__).resolve().parent.parent
 # Reports of pytest by name of the run; number of the slowest tests that are listed.
-RUNS, LISTED = ("test-water", "test", "test-plain"), 100
+RUNS, LISTED = ("test", "test-slow", "test-plain"), 50
+MUTATIONS = "## Mutations"
 
 
 def read(run: str) -> list[tuple[str, str, float]]:
-    """Returns file, test and duration [s] of each test of a run."""
-    root = ElementTree.parse(ROOT / "out" / "tests" / f"{run}.xml").getroot()
-    cases = [(case.attrib["classname"], case) for case in root.iter("testcase")]
-    return [
-        (f"{module.rsplit('.', 1)[-1]}.py", case.attrib["name"], float(case.attrib["time"]))
-        for module, case in cases
-    ]
+    """Returns file, test and CPU time [s] of each test of a run."""
+    found = []
+    for case in ElementTree.parse(ROOT / "out" / "tests" / f"{run}.xml").getroot().iter("testcase"):
+        (file,) = (part for part in case.attrib["classname"].split(".") if part.startswith("test_"))
+        cpu = case.find("properties/property[@name='cpu']")
+        seconds = 0.0 if cpu is None else float(cpu.attrib["value"])  # none if skipped
+        found.append((f"{file}.py", case.attrib["name"], seconds))
+    return found
 
 
 def main() -> None:
@@ -40,24 +42,30 @@ def main() -> None:
     seconds = {file: round(total) for file, total in totals.most_common()}
     DURATIONS.write_text(json.dumps(seconds, indent=0) + "\n")
     report = [
-        f"# Durations of the tests\n\n{place('cpu', 2)}; `make test test-plain durations`\n",
-        "Two processes of one thread each. Times include compiling, which the first test needing "
-        "a\nkernel pays. Sums over tests of both processes:\n",
+        f"# Durations of the tests\n\n{place('cpu', 2)}; `make test-all test-plain durations`\n",
+        "CPU time of two processes of one thread each and of the processes that tests start. Times "
+        "include\ncompiling, which the first test needing a kernel pays:\n",
         tabulate(
             [[run, len(tests), f"{sum(t for *_, t in tests):.0f}"] for run, tests in found.items()],
             ["run", "tests", "s"],
             "github",
         ),
-        f"\nThe {LISTED} slowest tests of `make test`:\n",
+        f"\nThe {LISTED} slowest tests of each tier:\n",
         tabulate(
-            sorted(found[RUNS[0]] + found[RUNS[1]], key=lambda test: -test[2])[:LISTED],
-            ["file", "test", "s"],
+            [
+                (run, *test)
+                for run in RUNS[:2]
+                for test in sorted(found[run], key=lambda test: -test[2])[:LISTED]
+            ],
+            ["run", "file", "test", "s"],
             "github",
             floatfmt=".1f",
         ),
         "",
     ]
-    (RESULTS / "tests.md").write_text("\n".join(report))
+    path = RESULTS / "tests.md"
+    kept = "".join(path.read_text().partition(MUTATIONS)[1:])
+    path.write_text("\n".join([*report, kept]) if kept else "\n".join(report))
 
 
 if __name__ == "__main__":

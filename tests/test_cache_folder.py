@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from msph.cache_folder import TAICHI_FOLDER, ensure
+from tests.tiers import slow_but
 
 NAMES = ("XDG_CACHE_HOME", "HOME", TAICHI_FOLDER)
 
@@ -70,7 +71,7 @@ print(add(2))
 """
 
 
-@pytest.mark.parametrize("kind", ["*.tic", "*.tcb"])
+@pytest.mark.parametrize("kind", slow_but(["*.tic"], ["*.tic", "*.tcb"]))
 def test_a_damaged_cache_is_removed_with_one_line(kind, tmp_path):
     """Regression: a run with a damaged cache ended with "basic_string::_M_replace_aux"."""
     script, cache = tmp_path / "add.py", tmp_path / "cache"

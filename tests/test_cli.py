@@ -19,11 +19,7 @@ from msph.scene.library import shipped_scenes
 from msph.stage.preparation import mass_text
 from tests.command_kit import here
 from tests.scenes_kit import TEXT, write
-
-
-def msph(*arguments, **options):
-    command = [sys.executable, "-m", "msph", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300, **options)
+from tests.tiers import slow_but
 
 
 def test_scenes_lists_all_and_prints_one():
@@ -99,7 +95,9 @@ def test_bad_input_gives_one_line_and_exit_code_2(arguments, message):
 
 def test_bad_input_gives_one_line_and_exit_code_2_in_a_shell():
     """`python -m msph` reports bad input in one line, and its process exits with status 2."""
-    check_refusal(msph("capture", "no_such_scene"), "no such scene file or shipped scene")
+    command = [sys.executable, "-m", "msph", "capture", "no_such_scene"]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    check_refusal(result, "no such scene file or shipped scene")
 
 
 def test_an_unexpected_error_gives_one_line_and_a_report(tmp_path, monkeypatch):
@@ -129,7 +127,7 @@ def check_refusal(result, message):
 
 def test_bench_prints_speed_and_errors_and_writes_json(tmp_path):
     scene, rows = write(tmp_path), tmp_path / "deep" / "rows.json"
-    result = msph("bench", scene, "--seconds", 0.1, "--arch", "cpu", "--json", rows)
+    result = here("bench", scene, "--seconds", 0.1, "--json", rows)
     assert result.returncode == 0, result.stderr
     columns = ("ms p50", "p95", "fluid / surface / image", "kernel / bulk density err %")
     for column in (*columns, "momentum drift", "energy gain"):
@@ -164,16 +162,6 @@ def test_bench_fails_if_the_simulation_blows_up(tmp_path, monkeypatch):
     assert "FAILED" in result.stderr
 
 
-def test_capture_never_overwrites_the_scene_it_was_given(tmp_path):
-    scene = write(tmp_path)
-    result = here(
-        "capture", scene, "-o", tmp_path / "small.png", "--seconds", 0.01, "--size", "64x36"
-    )
-    assert result.returncode == 0, result.stderr
-    assert (tmp_path / "small.toml").read_text() == TEXT
-    assert "seed = 0" in (tmp_path / "small.scene.toml").read_text()
-
-
 def test_no_output_replaces_an_input_even_with_force(tmp_path):
     """Regression: the scene file of a recording replaced the scene that it was made of."""
     scene = tmp_path / "mine.scene.toml"
@@ -184,7 +172,7 @@ def test_no_output_replaces_an_input_even_with_force(tmp_path):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends an interrupt")
-@pytest.mark.parametrize("wait", [0.15, "then running"])
+@pytest.mark.parametrize("wait", slow_but([0.15], [0.15, "then running"]))
 def test_an_interrupt_ends_the_program_at_any_time(tmp_path, wait):
     """SIGINT ends the program without a traceback, during imports and during a run.
 
@@ -223,18 +211,6 @@ def interrupted(scene, wait):
     finally:
         process.kill()
     return process.returncode, said
-
-
-def test_files_that_exist_are_not_overwritten(tmp_path):
-    scene, edited = write(tmp_path), tmp_path / "own.scene.toml"
-    edited.write_text(TEXT)
-    result = here("capture", scene, "-o", tmp_path / "own.mp4", "--seconds", 0.01)
-    assert result.returncode == 2
-    assert "own.scene.toml: exists; --force overwrites it" in result.stderr
-    result = here("measure", scene, "-o", tmp_path / "folder", "--seconds", 0.01)
-    assert result.returncode == 0
-    result = here("measure", scene, "-o", tmp_path / "folder", "--seconds", 0.01)
-    assert result.returncode == 2 and edited.read_text() == TEXT
 
 
 def test_capture_warns_once_that_inflows_waited(tmp_path):

@@ -28,10 +28,10 @@ MEASURED = (
 # Arguments of each command, {} for the folder, and names of the files that the command writes.
 COMMANDS = {
     "capture": (
-        "capture {}/small.toml -o {}/a.png -o {}/a.mp4 -o {}/a.gif -o {}/f_%04d.png "
+        "capture {}/small.toml -o {}/small.png -o {}/a.mp4 -o {}/a.gif -o {}/f_%04d.png "
         "--mesh {}/m_%04d.ply --particles {}/p_%04d.npz --size 64x36 --fps 50",
         (
-            *("a.png", "a.mp4", "a.gif", "a.scene.toml", "f_0000.png", "f_0001.png"),
+            *("small.png", "a.mp4", "a.gif", "small.scene.toml", "f_0000.png", "f_0001.png"),
             *("m_0000.ply", "m_0001.ply", "p_0000.npz", "p_0001.npz"),
         ),
     ),

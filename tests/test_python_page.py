@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from msph.water import Water
+from tests.tiers import slow_but
 
 PAGE = (Path(__file__).parent.parent / "docs" / "python.md").read_text(encoding="utf-8")
 BLOCKS = dict(re.findall(r"^#+ ([^\n]+)\n(?:(?!^#).)*?^```python\n(.*?)^```", PAGE, re.M | re.S))
@@ -27,7 +28,11 @@ def test_there_are_ten_recipes_and_the_snippet():
     assert len(BLOCKS) >= 11
 
 
-@pytest.mark.parametrize("title", BLOCKS)
+# All recipes but the one that starts processes.
+FAST = [title for title, code in BLOCKS.items() if "__main__" not in code]
+
+
+@pytest.mark.parametrize("title", slow_but(FAST, BLOCKS))
 def test_code_of_the_page_runs(title, tmp_path, monkeypatch):
     code = BLOCKS[title]
     for package in imported(code):

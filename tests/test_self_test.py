@@ -29,6 +29,7 @@ def test_all_self_tests_pass_here():
     assert self_test.first_failure(TESTS) == self_test.PASSED
 
 
+@pytest.mark.slow
 def test_all_self_tests_pass_on_vulkan():
     """Mesa's software driver llvmpipe, which must not be used, fails only the last test."""
     require("vulkan")

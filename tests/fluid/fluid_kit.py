@@ -1,4 +1,7 @@
-"""Helpers for tests of the projection method: sums over all pairs of particles, colliding balls."""
+"""Helpers for tests of the fluid: water on lattices, sums over particles and over all pairs, and
+access to the parts of a solver."""
+
+import math
 
 import numpy as np
 import taichi as ti
@@ -10,6 +13,98 @@ from msph.fluid.particles.neighbour_list import PAIR_REACH
 from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.simulation import Simulation
+from msph.measure.ledger import Ledger
+
+GRAVITY, FRAME = (0.0, -9.81, 0.0), 1 / 60
+WEIGHTLESS = ExternalForces(gravity=(0.0, 0.0, 0.0))
+
+
+def spec_of(spacing, smoothing=2.45):
+    """Returns a layer of water with a spacing [m]."""
+    return LayerSpec(1000.0 * spacing**3, 1000.0, smoothing)
+
+
+def lattice(counts, spacing, jitter=0.0, seed=0, corner=(0.0, 0.0, 0.0)):
+    """Returns points (n, 3) [m] of a lattice from a corner on, moved at random by up to `jitter`
+    spacings along each axis."""
+    x = (np.indices(counts).reshape(3, -1).T + 0.5) * spacing + np.array(corner)
+    return x + np.random.default_rng(seed).uniform(-jitter, jitter, x.shape) * spacing
+
+
+def block_of(size, spacing, **options):
+    """Returns the points of a lattice() that fills a box of a size [m]."""
+    return lattice(np.round(np.array(size) / spacing).astype(int), spacing, **options)
+
+
+def ball(centre, radius, spacing, offset=0.5):
+    """Returns the points of a lattice in a ball, whose centre is `offset` spacings from a point."""
+    n = int(radius / spacing) + 1
+    axis = (np.arange(-n, n + 1) + offset) * spacing
+    grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
+    return grid[np.linalg.norm(grid, axis=1) < radius] + centre
+
+
+def simulate(size, specs, x, layer=0, v=None, terms=None, **options):
+    """Returns a simulation of particles at x (n, 3) [m]. layer, v [m/s]: one for all particles, or
+    one for each; terms: parameters of the method; options: of the Plan."""
+    initial = {"x": np.float32(x), "layer": np.full(len(x), layer, np.int32)}
+    if v is not None:
+        initial["v"] = np.broadcast_to(np.float32(v), initial["x"].shape).copy()
+    return Simulation(Plan(tuple(size), specs, initial, terms or ProjectionParameters(), **options))
+
+
+def advance(sim, frames, external=None, frame=FRAME):
+    """Runs frames under gravity or other external forces."""
+    for _ in range(frames):
+        sim.advance(frame, external or ExternalForces())
+
+
+def record(sim, seconds, gravity=GRAVITY, frame=FRAME):
+    """Runs a simulation; returns a ledger with an entry at the start and after each frame."""
+    ledger = Ledger(sim, density_every=math.inf)
+    ledger.record(gravity)
+    for _ in range(round(seconds / frame)):
+        sim.advance(frame, ExternalForces(gravity))
+        ledger.record(gravity)
+    return ledger
+
+
+def place(sim, **changes):
+    """Replaces attributes of the particles, and measures their densities there."""
+    sim.particles.fill(**(sim.particles.state() | changes))
+    sim.solver.particles_moved()
+    sim.measure_density()
+
+
+def of_layers(sim, name):
+    """Returns a property (n,) of the particles' layers, such as "mass" or "support"."""
+    return np.array([getattr(s, name) for s in sim.layers.specs])[sim.particles.numpy("layer")]
+
+
+def masses(sim):
+    """Returns the masses (n,) [kg] of the particles."""
+    return of_layers(sim, "mass")
+
+
+def vectors(sim, *names):
+    """Returns attributes of the particles, "x" and "v" unless given, in double precision."""
+    return [sim.particles.numpy(name).astype(float) for name in names or "xv"]
+
+
+def momenta(sim, middle):
+    """Returns momentum, angular momentum about a point, and the scales of both: sums of the
+    particles' magnitudes."""
+    m, (x, v) = masses(sim), vectors(sim)
+    arm, speed = x - middle, np.linalg.norm(v, axis=1)
+    linear, angular = m @ v, m @ np.cross(arm, v)
+    return linear, angular, m @ speed, m @ (np.linalg.norm(arm, axis=1) * speed)
+
+
+def energies(sim, g=9.81):
+    """Returns the kinetic and the potential energy [J] of the particles."""
+    m, (x, v) = masses(sim), vectors(sim)
+    return np.array([0.5 * m @ (v**2).sum(axis=1), g * m @ x[:, 1]])
+
 
 # Yield of kernel sums under uniform expansion, by support radius over spacing; see density.py.
 YIELD = {2.4: 0.9964, 2.5: 0.9970}
@@ -99,16 +194,15 @@ TANK, DEPTH = (0.6, 0.6, 0.6), 0.36  # tank of coarse_tank() and its depth [m]
 
 
 def coarse_tank(capacity):
-    """Returns the plan of a tank of coarse particles in three layers, which depth will split."""
+    """Returns a tank of coarse particles in three layers, which depth will split."""
     coarse = 0.03 * 2 ** (2 / 3)
     n, rows = round(TANK[0] / coarse), round(DEPTH / coarse)
     width = TANK[0] / n
-    x = (np.indices((n, rows, n)).reshape(3, -1).T + 0.5) * [width, DEPTH / rows, width]
-    initial = {"x": x.astype(np.float32), "layer": np.full(len(x), 2, np.int32)}
+    x = lattice((n, rows, n), 1.0) * [width, DEPTH / rows, width]
     mass = 1000.0 * DEPTH * TANK[0] * TANK[2] / len(x)
     specs = [LayerSpec(mass / 2**k, 1000.0, 2.5) for k in (2, 1, 0)]
     adaptation = AdaptationParameters(band=1.5)
-    return Plan(TANK, specs, initial, ProjectionParameters(), (), adaptation, capacity=capacity)
+    return simulate(TANK, specs, x, 2, adaptation=adaptation, capacity=capacity)
 
 
 def repulsion(q):
@@ -119,30 +213,15 @@ def repulsion(q):
 
 
 SIZE = (1.6, 1.6, 1.6)
-WEIGHTLESS = ExternalForces(gravity=(0.0, 0.0, 0.0))
-FINE, COARSE = (LayerSpec(1000.0 * d**3, 1000.0, 2.5) for d in (0.03, 0.06))
-
-
-def ball(centre, radius, spacing):
-    n = int(radius / spacing) + 1
-    axis = np.arange(-n, n + 1) * spacing
-    grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
-    return grid[np.linalg.norm(grid, axis=1) < radius] + centre
+FINE, COARSE = (spec_of(d, 2.5) for d in (0.03, 0.06))
 
 
 def colliding_balls():
     """Returns a simulation of a fine and a coarse ball (masses of particles 1 : 8) that collide off
     centre."""
-    fine = ball((0.67, 0.82, 0.8), 0.12, 0.03)
-    coarse = ball((0.96, 0.78, 0.8), 0.15, 0.06)
-    x = np.concatenate([fine, coarse])
-    v = np.zeros_like(x)
-    v[: len(fine), 0], v[len(fine) :, 0] = 1.5, -1.0
-    layer = np.repeat([0, 1], [len(fine), len(coarse)])
+    fine = ball((0.67, 0.82, 0.8), 0.12, 0.03, offset=0.0)
+    coarse = ball((0.96, 0.78, 0.8), 0.15, 0.06, offset=0.0)
+    x, first = np.concatenate([fine, coarse]), np.arange(len(fine) + len(coarse)) < len(fine)
+    v = np.where(first, 1.5, -1.0)[:, None] * [1.0, 0.0, 0.0]
     x += np.random.default_rng(0).uniform(-1e-3, 1e-3, x.shape)
-    particles = {
-        "x": x.astype(np.float32),
-        "v": v.astype(np.float32),
-        "layer": layer.astype(np.int32),
-    }
-    return Simulation(Plan(SIZE, [FINE, COARSE], particles, ProjectionParameters()))
+    return simulate(SIZE, [FINE, COARSE], x, ~first, v)

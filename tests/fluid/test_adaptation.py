@@ -2,27 +2,27 @@
 
 import numpy as np
 import pytest
-from fluid_kit import DEPTH, TANK, coarse_tank
 
 from msph.fluid.adaptivity.bands import AdaptationParameters, bands, coarser_of, farthest_depth
-from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
-from msph.fluid.plan import Plan
-from msph.fluid.projection.parameters import ProjectionParameters
-from msph.fluid.simulation import Simulation
+from tests.fluid.fluid_kit import (
+    DEPTH,
+    TANK,
+    WEIGHTLESS,
+    advance,
+    ball,
+    coarse_tank,
+    energies,
+    masses,
+    momenta,
+    simulate,
+    vectors,
+)
 
 SIZE = (2.4, 2.4, 2.4)
 MIDDLE = 1.2
-WEIGHTLESS = ExternalForces(gravity=(0.0, 0.0, 0.0))
 D = 0.03
 SPECS = [LayerSpec(1000.0 * D**3 * 2**k, 1000.0, 2.5) for k in range(3)]
-
-
-def ball(centre, radius, spacing):
-    n = int(radius / spacing) + 1
-    axis = (np.arange(-n, n) + 0.5) * spacing
-    grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
-    return grid[np.linalg.norm(grid, axis=1) < radius] + centre
 
 
 @pytest.fixture
@@ -32,71 +32,48 @@ def collision():
         ball((1.02, 1.24, 1.2), 0.15, SPECS[0].spacing),
         ball((1.38, 1.16, 1.2), 0.15, SPECS[2].spacing),
     )
-    x = np.concatenate([fine, coarse])
-    v = np.zeros_like(x)
-    v[: len(fine), 0], v[len(fine) :, 0] = 1.0, -1.0
-    initial = {
-        "x": x.astype(np.float32),
-        "v": v.astype(np.float32),
-        "layer": np.repeat([0, 2], [len(fine), len(coarse)]).astype(np.int32),
-    }
+    first = np.arange(len(fine) + len(coarse)) < len(fine)
+    v = np.where(first, 1.0, -1.0)[:, None] * [1.0, 0.0, 0.0]
     adaptation = AdaptationParameters(band=0.7, every=2)
-    return Simulation(
-        Plan(SIZE, SPECS, initial, ProjectionParameters(), (), adaptation, capacity=3000)
-    )
-
-
-def masses(sim):
-    return np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")]
-
-
-def momenta(sim):
-    """Returns momentum, angular momentum about the middle, centre of mass and kinetic energy."""
-    m = masses(sim)[:, None]
-    x, v = (sim.particles.numpy(k).astype(float) for k in "xv")
-    return (
-        (m * v).sum(axis=0),
-        (m * np.cross(x - MIDDLE, v)).sum(axis=0),
-        (m * x).sum(axis=0) / m.sum(),
-        0.5 * (m * v**2).sum(),
-    )
+    options = {"adaptation": adaptation, "capacity": 3000}
+    return simulate(SIZE, SPECS, np.concatenate([fine, coarse]), 2 * ~first, v, **options)
 
 
 def test_collision_keeps_mass_and_momenta_through_splits_and_merges(collision):
     mass = masses(collision).sum()
-    linear, angular, _, _ = momenta(collision)
-    m, v = masses(collision), collision.particles.numpy("v")
-    arm = np.linalg.norm(collision.particles.numpy("x") - MIDDLE, axis=1)
-    scale = (m * np.linalg.norm(v, axis=1)).sum()
-    spin = (m * arm * np.linalg.norm(v, axis=1)).sum()
+    linear, angular, scale, spin = momenta(collision, MIDDLE)
     start = set(collision.particles.numpy("id"))
     # Thin bands, as in a full pool, cause merges; wide bands then split the merged particles.
     for thickness in (0.35, 1.0):
         collision.solver.adaptation.thickness = thickness
-        for _ in range(12):
-            collision.advance(1 / 60, WEIGHTLESS)
+        advance(collision, 12, WEIGHTLESS)
     now = set(collision.particles.numpy("id"))
     assert len(now) == collision.particles.count, "ids are unique"
     assert len(now - start) > 20 and len(start - now) > 20, "splits and merges must happen"
     assert masses(collision).sum() == pytest.approx(mass, rel=1e-12)
-    after, angular_after, _, _ = momenta(collision)
+    after, angular_after, _, _ = momenta(collision, MIDDLE)
     assert np.linalg.norm(after - linear) < 1e-5 * scale
     assert np.linalg.norm(angular_after - angular) < 1e-4 * spin
 
 
 def test_a_pass_keeps_the_centre_of_mass_and_records_its_energy_loss(collision):
     """A single pass without a step loses the kinetic energy that it adds to merge_loss."""
-    for _ in range(8):
-        collision.advance(1 / 60, WEIGHTLESS)
+
+    def facts():
+        linear, angular, _, _ = momenta(collision, MIDDLE)
+        centre = np.average(vectors(collision)[0], axis=0, weights=masses(collision))
+        return linear, angular, centre, energies(collision)[0]
+
+    advance(collision, 8, WEIGHTLESS)
     solver = collision.solver
-    linear, angular, centre, kinetic = momenta(collision)
+    linear, angular, centre, kinetic = facts()
     loss = solver.impulses.merge_loss.total[None]
     solver.neighbours.refresh()
     solver.particles.settling.fill(0)
     solver.adaptation.thickness = 0.6
     assert solver.adaptation.run(budget=1.0) > 20
     solver.grid.invalidate()
-    linear_after, angular_after, centre_after, kinetic_after = momenta(collision)
+    linear_after, angular_after, centre_after, kinetic_after = facts()
     assert linear_after == pytest.approx(linear, abs=1e-5)
     assert centre_after == pytest.approx(centre, abs=1e-6)
     assert angular_after == pytest.approx(angular, abs=1e-4 * np.abs(angular).max())
@@ -109,10 +86,9 @@ def test_a_pass_keeps_the_centre_of_mass_and_records_its_energy_loss(collision):
 def tank():
     """Returns a tank of coarse particles after 2 s, by which depth has split them into three
     layers, and the number of particles per layer in each frame."""
-    sim = Simulation(coarse_tank(4000))
-    counts = []
+    sim, counts = coarse_tank(4000), []
     for _ in range(120):
-        sim.advance(1 / 60, ExternalForces())
+        advance(sim, 1)
         counts.append(sim.counts())
     return sim, np.array(counts)
 
@@ -173,7 +149,7 @@ def test_a_split_does_not_lower_the_water(tank):
     p, adaptation = sim.particles, sim.solver.adaptation
 
     def height():
-        sim.advance(1 / 120, ExternalForces())
+        advance(sim, 1, frame=1 / 120)
         return np.average(p.numpy("x")[:, 1].astype(float), weights=masses(sim))
 
     before = [height() for _ in range(10)]

@@ -2,46 +2,55 @@
 
 import numpy as np
 import pytest
-from fluid_kit import listed, pair_support, quartic, quartic_slope, relative_density, repulsion
 
 from msph.errors import BlowUpError
 from msph.fluid import world
 from msph.fluid.external_forces import ExternalForces
-from msph.fluid.particles.layers import LayerSpec
-from msph.fluid.plan import Plan
 from msph.fluid.projection.body_force import BodyForce
 from msph.fluid.projection.density import SURROUNDED, lattice_surface
-from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.room import FIRST
-from msph.fluid.simulation import Simulation
 from msph.measure.bulk import bulk_density
+from tests.fluid.fluid_kit import (
+    FRAME,
+    advance,
+    energies,
+    lattice,
+    listed,
+    masses,
+    of_layers,
+    pair_support,
+    place,
+    quartic,
+    quartic_slope,
+    relative_density,
+    repulsion,
+    simulate,
+    spec_of,
+    vectors,
+)
 
 D = 0.04
 TANK = (10 * D, 14 * D, 10 * D)
-WEIGHTS = ("volume", "support")
 
 
 @pytest.fixture(scope="module")
 def tank():
     """Returns still water of two layers, masses about 1 : 2, eight spacings deep, after 2 s, and
     its energy in each frame."""
-    fine = np.indices((10, 4, 10)).reshape(3, -1).T + 0.5
-    coarse = np.indices((8, 3, 8)).reshape(3, -1).T + 0.5
     wide = TANK[0] / 8
-    x = np.concatenate([fine * D + [0, 3 * wide, 0], coarse * wide])
-    layers = [LayerSpec(1000.0 * d**3, 1000.0, 2.5) for d in (D, wide)]
-    initial = {
-        "x": x.astype(np.float32),
-        "layer": np.repeat([0, 1], [len(fine), len(coarse)]).astype(np.int32),
-    }
-    sim = Simulation(Plan(TANK, layers, initial, ProjectionParameters()))
-    energies = []
+    fine, coarse = lattice((10, 4, 10), D, corner=(0, 3 * wide, 0)), lattice((8, 3, 8), wide)
+    layer = np.repeat([0, 1], [len(fine), len(coarse)])
+    specs = [spec_of(d, 2.5) for d in (D, wide)]
+    sim, found = simulate(TANK, specs, np.concatenate([fine, coarse]), layer), []
     for _ in range(120):
-        sim.advance(1 / 60, ExternalForces())
-        m = np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")]
-        x, v = sim.particles.numpy("x"), sim.particles.numpy("v")
-        energies.append((m * (9.81 * x[:, 1] + 0.5 * (v**2).sum(axis=1))).sum())
-    return sim, np.array(energies)
+        advance(sim, 1)
+        found.append(energies(sim).sum())
+    return sim, np.array(found)
+
+
+def depth_of(sim):
+    """Returns the depth [m] of the water in the tank."""
+    return masses(sim).sum() / 1000.0 / (TANK[0] * TANK[2])
 
 
 def test_mirror_images_complete_densities_at_walls(tank):
@@ -53,9 +62,8 @@ def test_mirror_images_complete_densities_between_walls_less_than_two_supports_a
     """Densities are right between walls that are between one and two support radii apart."""
     size = (0.1, 0.3, 0.13)
     x = np.random.default_rng(3).uniform(0.0, size, (100, 3)).astype(np.float32)
-    layer = np.arange(100, dtype=np.int32) % 2
-    specs = [LayerSpec(1000.0 * d**3, 1000.0, 2.5) for d in (0.03, 0.038)]
-    sim = Simulation(Plan(size, specs, {"x": x, "layer": layer}, ProjectionParameters()))
+    specs = [spec_of(d, 2.5) for d in (0.03, 0.038)]
+    sim = simulate(size, specs, x, np.arange(100) % 2)
     # Some particles are so close to a wall that their own images repel them.
     assert (np.minimum(x, size - x).min(axis=1) < 0.3 * 0.03).any()
     assert sim.layers.specs[0].support < size[0] < 2.0 * sim.layers.specs[0].support
@@ -66,11 +74,10 @@ def test_a_simulation_without_free_field_trees_is_an_error(monkeypatch):
     """A simulation for which the process has no room raises RuntimeError, where Taichi itself would
     end with a segmentation fault."""
     monkeypatch.setattr(world, "MAX_TREES", world.WORLD_TREES)
-    initial = {"x": np.full((1, 3), 0.1, np.float32), "layer": np.zeros(1, np.int32)}
     with pytest.raises(RuntimeError, match="no room for another simulation"):
         # More particles than any world in the stock holds, so that a new world is needed.
-        most, layer = 30 * FIRST.particles, LayerSpec(0.1, 1000.0, 2.5)
-        Simulation(Plan((0.3, 0.3, 0.3), [layer], initial, ProjectionParameters(), capacity=most))
+        most, x = 30 * FIRST.particles, np.full((1, 3), 0.1)
+        simulate((0.3, 0.3, 0.3), [spec_of(0.05)], x, capacity=most)
 
 
 def check_images(sim, points, known):
@@ -78,19 +85,18 @@ def check_images(sim, points, known):
     sums over all pairs with all images stored as particles; more than `known` defects must be
     known."""
     sim.measure_density()
-    x, layer = sim.particles.numpy("x").astype(float), sim.particles.numpy("layer")
-    size = np.array(sim.size)
-    volume, support = (np.array([getattr(s, k) for s in sim.layers.specs]) for k in WEIGHTS)
+    (x,), size = vectors(sim, "x"), np.array(sim.size)
+    volume, support = (of_layers(sim, name) for name in ("volume", "support"))
     near = np.argsort(np.abs(x - size * [0.0, 0.2, 1.0]).max(axis=1))[:points]
     summed, bell, repelled = 0.0, 0.0, 0.0
     for turn in np.ndindex(3, 3, 3):
         side = np.array(turn)
         mirrored = np.where(side == 1, -x, x) + np.where(side == 2, 2 * size - 2 * x, 0)
         r = np.linalg.norm(x[near][:, None] - mirrored, axis=2)
-        h = pair_support(support[layer[near]], support[layer])
-        weight = volume[layer] * listed(r, h)
+        h = pair_support(support[near], support)
+        weight = volume * listed(r, h)
         if any(turn):
-            own = r[np.arange(len(near)), near] / np.cbrt(volume[layer[near]])
+            own = r[np.arange(len(near)), near] / np.cbrt(volume[near])
             repelled += repulsion(own)[0]
         summed += (weight * quartic(r, h)).sum(axis=1)
         shape = np.maximum(1.0 - (r / h) ** 2, 0.0) ** 4
@@ -107,29 +113,23 @@ def check_images(sim, points, known):
 
 
 def test_still_water_keeps_energy_and_volume(tank):
-    sim, energies = tank
-    assert max(np.diff(energies)) < 1e-3 * energies[0]
-    v = sim.particles.numpy("v")
+    sim, found = tank
+    assert max(np.diff(found)) < 1e-3 * found[0]
+    x, v = vectors(sim)
     assert np.sqrt((v**2).sum(axis=1).mean()) < 0.08
-    m = np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")]
-    depth = m.sum() / 1000.0 / (TANK[0] * TANK[2])
-    centre = (m * sim.particles.numpy("x")[:, 1]).sum() / m.sum()
     # The classic method loses a seventh of the height here.
-    assert centre == pytest.approx(0.5 * depth, rel=0.01)
+    centre = np.average(x[:, 1], weights=masses(sim))
+    assert centre == pytest.approx(0.5 * depth_of(sim), rel=0.01)
 
 
 def test_water_does_not_stick_to_walls_after_a_splash():
     """Regression: many particles at walls lay on them together with their images after a
     dam break, and the settled water was 5 % too low."""
-    size, d = np.array((1.6, 0.8, 0.24)), 0.04
-    x = (np.indices((8, 16, 6)).reshape(3, -1).T + 0.5) * d
-    initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
-    spec = LayerSpec(1000.0 * d**3, 1000.0, 2.45)
-    sim = Simulation(Plan(tuple(size), [spec], initial, ProjectionParameters()))
-    for _ in range(120):
-        sim.advance(1 / 60, ExternalForces())
+    size = np.array((1.6, 0.8, 0.24))
+    sim = simulate(size, [spec_of(D)], lattice((8, 16, 6), D))
+    advance(sim, 120)
     x = sim.particles.numpy("x")
-    gap = np.minimum(x, size - x).min(axis=1) / d
+    gap = np.minimum(x, size - x).min(axis=1) / D
     sim.close()
     # 4 % of the particles near walls; without the repulsion 20 to 26 %.
     assert (gap < 0.15).sum() < 0.08 * (gap < 1.1).sum()
@@ -140,13 +140,11 @@ def test_pressure_is_hydrostatic(tank, steps):
     """Pressures are hydrostatic with 1 and with 4 steps per frame: the background pressure lifts
     the water, which must fall back in every step and not only in some of them."""
     sim, _ = tank
-    m = np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")]
-    depth = m.sum() / 1000.0 / (TANK[0] * TANK[2])
+    depth = depth_of(sim)
     errors = np.zeros(3)  # of thirds of the depth, each two coarse spacings high
     for _ in range(20):
-        for _ in range(steps):
-            sim.advance(1 / 60 / steps, ExternalForces())
-        m = np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")]
+        advance(sim, steps, frame=FRAME / steps)
+        m = masses(sim)
         y, p = sim.particles.numpy("x")[:, 1], sim.particles.numpy("pressure")
         sheet = np.minimum((y / depth * 3).astype(int), 2)
         error = p - 9810.0 * (depth - y)
@@ -180,9 +178,9 @@ def test_stirred_water_keeps_its_bulk_density(tank):
     sim.solver.reset()
     found = []
     for frame in range(20):
-        sim.advance(1 / 60, ExternalForces())
+        advance(sim, 1)
         if frame % 2:
-            spacing = np.array([s.spacing for s in sim.layers.specs])[sim.particles.numpy("layer")]
+            spacing = of_layers(sim, "spacing")
             found.append(bulk_density(sim.particles.numpy("x"), spacing, TANK).mean)
     # NaN where no point lies deep enough, as may happen while the vortex is shallowest.
     assert np.isfinite(found).sum() >= 9
@@ -196,21 +194,19 @@ def test_a_sheet_one_particle_thick_stays_at_rest(tank):
     defect was known, and the sheet bobbed by 0.6 % of its energy.
     """
     sim, _ = tank
-    usual, sites = sim.initial, np.indices((10, 1, 10)).reshape(3, -1).T + 0.5
+    usual = sim.initial
     sim.initial = {
-        "x": (sites * D).astype(np.float32),
+        "x": lattice((10, 1, 10), D).astype(np.float32),
         "v": np.zeros((100, 3), np.float32),
         "layer": np.zeros(100, np.int32),
     }
     sim.reset()
-    energies = []
+    found, weight = [], 9.81 * masses(sim).sum()
     for _ in range(40):
-        sim.advance(1 / 60, ExternalForces())
-        x, v = (sim.particles.numpy(name).astype(float) for name in "xv")
-        energies.append((9.81 * x[:, 1] + 0.5 * (v**2).sum(axis=1)).mean())
-    assert max(energies) - energies[0] < 4.5e-3 * 9.81 * 0.5 * D
-    rises = energies[20:] - np.minimum.accumulate(energies[20:])
-    assert max(rises) < 1e-4 * 9.81 * 0.5 * D
+        advance(sim, 1)
+        found.append(energies(sim).sum() / (weight * 0.5 * D))
+    assert max(found) - found[0] < 4.5e-3
+    assert max(found[20:] - np.minimum.accumulate(found[20:])) < 1e-4
     sim.initial = usual
     sim.reset()
 
@@ -220,9 +216,7 @@ def test_densities_follow_the_correction_at_once(tank):
     sim, _ = tank
     p, usual = sim.particles, sim.particles.state()
     stirred = usual["x"] + np.random.default_rng(5).normal(0.0, 0.15 * D, usual["x"].shape)
-    p.fill(**(usual | {"x": stirred.clip(0.0, TANK).astype(np.float32)}))
-    sim.solver.particles_moved()
-    sim.measure_density()
+    place(sim, x=stirred.clip(0.0, TANK).astype(np.float32))
     names = "density", "density_correction"
     before = {name: p.numpy(name) for name in names}
     sim.solver.density.follow_defect(p.count)
@@ -259,16 +253,13 @@ def test_excess_pressure_behind_a_floor_does_not_act_on_unlike_particles_that_ri
     """
     sim, _ = tank
     sim.reset()
-    for _ in range(20):
-        sim.advance(1 / 60, ExternalForces())
+    advance(sim, 20)
     usual, dt, borne = sim.particles.state(), 1e-3, {}
     for among, other in (("like", 1.0), ("unlike", 0.8)):
         for rise in (-1.0, 0.0, 1.0):
             v = np.zeros_like(usual["v"])
             v[:, 1] = rise
-            sim.particles.fill(**(usual | {"v": v}))
-            sim.solver.particles_moved()
-            sim.measure_density()
+            place(sim, **(usual | {"v": v}))
             sim.particles.pair_spacing.fill(other * sim.layers.specs[1].spacing)
             sim.solver.force(BodyForce).apply(dt, ExternalForces())
             lowest = sim.particles.numpy("x")[:, 1] < 0.6 * TANK[0] / 8
@@ -301,14 +292,8 @@ def test_the_topmost_sheet_of_still_water_is_not_crowded():
     Regression: it was compressed until its kernel sums were 1, with 1.45 times as many particles,
     0.33 spacings too low; its resistance to changes of the surface area damped waves.
     """
-    n = (10, 8, 10)
-    x = (np.indices(n).reshape(3, -1).T + 0.5) * D
-    x += np.random.default_rng(1).uniform(-0.02, 0.02, x.shape) * D
-    initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
-    layer = LayerSpec(1000.0 * D**3, 1000.0, 2.45)
-    sim = Simulation(Plan(TANK, [layer], initial, ProjectionParameters()))
-    for _ in range(120):
-        sim.advance(1 / 60, ExternalForces())
+    sim = simulate(TANK, [spec_of(D)], lattice((10, 8, 10), D, 0.02, seed=1))
+    advance(sim, 120)
     height = sim.particles.numpy("x")[:, 1] / D
     top = height > 7.0
     assert 0.9 * 100 < top.sum() < 1.1 * 100

@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 from msph.fluid.classic_parameters import ClassicParameters
 from msph.fluid.external_forces import ExternalForces, Hand, as_vector
 from msph.fluid.particles.layers import LayerSpec
-from msph.fluid.plan import Plan
-from msph.fluid.simulation import Simulation
+from tests.fluid.fluid_kit import advance, ball, lattice, masses, simulate
 
 SIZE = (0.8, 0.8, 0.8)
 MASSES = (0.05, 0.2)
@@ -25,11 +24,8 @@ def cloud(seed=1, per_layer=150):
     """Returns two interpenetrating layers with random velocities in the middle of the box."""
     rng = np.random.default_rng(seed)
     n = 2 * per_layer
-    return {
-        "x": rng.uniform(0.2, 0.55, (n, 3)).astype(np.float32),
-        "v": rng.normal(0.0, 1.0, (n, 3)).astype(np.float32),
-        "layer": np.repeat([0, 1], per_layer).astype(np.int32),
-    }
+    x, v = rng.uniform(0.2, 0.55, (n, 3)), rng.normal(0.0, 1.0, (n, 3))
+    return {"x": x, "v": v, "layer": np.repeat([0, 1], per_layer)}
 
 
 def poly6(r, h):
@@ -79,7 +75,7 @@ SWITCHES = {
 
 def cloud_with(terms):
     specs = [spec(m, mu) for m, mu in zip(MASSES, MU, strict=True)]
-    return Simulation(Plan(SIZE, specs, cloud(), terms))
+    return simulate(SIZE, specs, **cloud(), terms=terms)
 
 
 @pytest.mark.parametrize("name", SWITCHES)
@@ -101,7 +97,7 @@ def test_stiffness_and_viscosity_change_in_a_running_simulation():
     """
     terms = ClassicParameters()
     specs = [spec(MASSES[0], terms.viscosity), spec(MASSES[1], 3.0)]
-    sim = Simulation(Plan(SIZE, specs, cloud(), terms))
+    sim = simulate(SIZE, specs, **cloud(), terms=terms)
     sim.solver.measure_density()
     before, step = sim.particles.numpy("pressure"), sim.solver.longest_step()
     changes = {"stiffness": 4.0 * terms.stiffness, "viscosity": 0.0}
@@ -119,7 +115,7 @@ def pair_force_sum(terms):
     sim.reset()
     solver = sim.solver
     solver.find_accelerations()
-    m = np.array(MASSES)[sim.particles.numpy("layer")][:, None]
+    m = masses(sim)[:, None]
     a = sim.particles.numpy("acceleration").astype(float)
     return np.linalg.norm((m * a).sum(axis=0)) / (m * np.linalg.norm(a, axis=1)[:, None]).sum()
 
@@ -136,14 +132,10 @@ def test_only_symmetrised_pressures_conserve_momentum_across_layers():
 def lone():
     """Yields a simulation of one particle, on which only gravity, the hand, walls and the inertia
     of the box act."""
-    initial = {
-        "x": np.array([[0.4, 0.6, 0.4]], np.float32),
-        "v": np.array([[0.3, 1.0, 0.0]], np.float32),
-        "layer": np.zeros(1, np.int32),
-    }
+    x, v = np.array([[0.4, 0.6, 0.4]]), (0.3, 1.0, 0.0)
     half = LayerSpec(0.05, 1000.0, 2.0, gravity_factor=0.5)
     terms = ClassicParameters(tension=False)
-    sim = Simulation(Plan(SIZE, [half], initial, terms, restitution=0.5))
+    sim = simulate(SIZE, [half], x, v=v, terms=terms, restitution=0.5)
     yield sim
     sim.close()
 
@@ -213,13 +205,9 @@ TANK = (12 * D, 20 * D, 12 * D)
 
 def tank(pressure_form):
     """Returns still water of one layer, ten spacings deep."""
-    cells = np.indices((12, 10, 12)).reshape(3, -1).T
     layer = LayerSpec(1000.0 * D**3, 1000.0, 2.0, viscosity=10.0)
-    initial = {
-        "x": ((cells + 0.5) * D).astype(np.float32),
-        "layer": np.zeros(len(cells), np.int32),
-    }
-    return Simulation(Plan(TANK, [layer], initial, ClassicParameters(pressure_form=pressure_form)))
+    terms = ClassicParameters(pressure_form=pressure_form)
+    return simulate(TANK, [layer], lattice((12, 10, 12), D), terms=terms)
 
 
 @pytest.fixture
@@ -235,7 +223,7 @@ def settled_pressure_slope(sim):
     frames."""
     slopes, speeds = [], []
     for frame in range(180):
-        sim.advance(1 / 60, ExternalForces())
+        advance(sim, 1)
         if frame < 120:
             continue
         x, v = sim.particles.numpy("x"), sim.particles.numpy("v")
@@ -262,9 +250,9 @@ def test_mean_pressures_have_twice_the_hydrostatic_gradient(column):
 
 
 def test_checkpoint_restores_every_digit(column):
-    column.advance(1 / 60, ExternalForces())
+    advance(column, 1)
     state = column.state()
-    column.advance(1 / 60, ExternalForces())
+    advance(column, 1)
     column.restore(state)
     assert column.time == pytest.approx(1 / 60)
     again = column.state()
@@ -297,7 +285,7 @@ SPOILT = {
 
 @pytest.mark.parametrize("message", SPOILT)
 def test_invalid_checkpoint_is_refused(column, message):
-    column.advance(1 / 60, ExternalForces())
+    advance(column, 1)
     state = column.state()
     with pytest.raises(ValueError, match=message):
         column.restore(SPOILT[message](state))
@@ -305,14 +293,8 @@ def test_invalid_checkpoint_is_refused(column, message):
 
 def test_attraction_pulls_the_surface_inwards():
     """With the colour term alone, the surface of a ball of water is pulled towards its middle."""
-    d = 0.03
-    axis = (np.arange(-4, 4) + 0.5) * d
-    grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
-    ball = grid[np.linalg.norm(grid, axis=1) < 0.1]
-    initial = {"x": (ball + 0.4).astype(np.float32), "layer": np.zeros(len(ball), np.int32)}
-    layer = LayerSpec(1000.0 * d**3, 1000.0, 2.0)
     terms = ClassicParameters(stiffness=1e-6, attraction=50.0)
-    sim = Simulation(Plan(SIZE, [layer], initial, terms))
+    sim = simulate(SIZE, [LayerSpec(1000.0 * D**3, 1000.0, 2.0)], ball(0.4, 0.1, D), terms=terms)
     sim.solver.find_accelerations()
     outward = sim.particles.numpy("x") - 0.4
     a = sim.particles.numpy("acceleration")

@@ -12,39 +12,25 @@ from msph.fluid.boundary import collisions
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.moving_box import MovingBox
-from msph.fluid.particles.layers import LayerSpec
-from msph.fluid.plan import Plan
-from msph.fluid.projection.parameters import ProjectionParameters
-from msph.fluid.simulation import FullError, Simulation
+from msph.fluid.simulation import FullError
 from msph.launches import watch_compiling
 from msph.measure.ledger import Ledger
+from tests.fluid.fluid_kit import GRAVITY, advance, block_of, record, simulate, spec_of
 
 D = 0.04
-LAYER = LayerSpec(1000.0 * D**3, 1000.0, 2.45)
-SIZE = (0.48, 0.48, 0.48)
-GRAVITY, WEIGHTLESS = (0.0, -9.81, 0.0), (0.0, 0.0, 0.0)
+LAYER = spec_of(D)
+SIZE, WEIGHTLESS = (0.48, 0.48, 0.48), (0.0, 0.0, 0.0)
 
 
-def lattice(lo, hi):
-    """Returns the points of a lattice of spacing D from lo to hi [m]."""
-    n = np.round((np.array(hi) - lo) / D).astype(int)
-    return np.array(lo) + (np.indices(n).reshape(3, -1).T + 0.5) * D
+def simulation(depth, bodies):
+    """Returns a box of water of a depth [m] with bodies."""
+    return simulate(SIZE, [LAYER], block_of((0.48, depth, 0.48), D), bodies=bodies)
 
 
-def simulation(x, bodies, v=None):
-    initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
-    if v is not None:
-        initial["v"] = np.broadcast_to(np.float32(v), x.shape).copy()
-    return Simulation(Plan(SIZE, [LAYER], initial, ProjectionParameters(), bodies))
-
-
-def run(sim, seconds, gravity=GRAVITY):
-    ledger = Ledger(sim, density_every=math.inf)
-    ledger.record(gravity)
-    for _ in range(round(60 * seconds)):
-        sim.advance(1 / 60, ExternalForces(gravity))
-        ledger.record(gravity)
-    return ledger
+def puddle(bodies):
+    """Returns bodies in a box with a little water in a corner."""
+    x = block_of((0.08, 0.04, 0.08), D, corner=(0.4, 0, 0.4))
+    return simulate(SIZE, [LAYER], x, bodies=bodies)
 
 
 def block(centre, edge, density, **motion):
@@ -58,7 +44,7 @@ def ball(centre, radius, density, **motion):
 
 
 def test_operator_with_floating_bodies_is_symmetric_and_gives_its_energy():
-    sim = simulation(lattice((0, 0, 0), (0.48, 0.24, 0.48)), [block((0.24, 0.1, 0.2), 0.1, 300.0)])
+    sim = simulation(0.24, [block((0.24, 0.1, 0.2), 0.1, 300.0)])
     sim.advance(1e-3, ExternalForces(GRAVITY))
     sim.measure_density()
     p, operator = sim.particles, sim.solver.pressure_solve.operator
@@ -88,9 +74,10 @@ def test_operator_with_floating_bodies_is_symmetric_and_gives_its_energy():
 
 @pytest.mark.parametrize("density", [50.0, 20_000.0])
 def test_collision_of_water_and_body_conserves_momentum_and_adds_no_energy(density):
-    x = lattice((0.08, 0.16, 0.16), (0.2, 0.32, 0.32))
+    x = block_of((0.12, 0.16, 0.16), D, corner=(0.08, 0.16, 0.16))
     body = block((0.32, 0.22, 0.25), 0.1, density, velocity=(-1.0, 0.0, 0.0), rate=2.0)
-    ledger = run(simulation(x, [body], (1.0, 0.0, 0.0)), 0.1, WEIGHTLESS)
+    sim = simulate(SIZE, [LAYER], x, v=(1.0, 0.0, 0.0), bodies=[body])
+    ledger = record(sim, 0.1, WEIGHTLESS)
     first, last = ledger.entries[0], ledger.entries[-1]
     exchanged = np.abs(last.momentum - first.momentum).max()
     assert exchanged > 0.02 * first.momentum_scale
@@ -104,8 +91,8 @@ def test_collision_of_water_and_body_conserves_momentum_and_adds_no_energy(densi
 
 
 def test_ball_floats_at_the_draft_of_its_density():
-    sim = simulation(lattice((0, 0, 0), (0.48, 0.24, 0.48)), [ball((0.24, 0.28, 0.24), 0.1, 500.0)])
-    ledger = run(sim, 3.0)
+    sim = simulation(0.24, [ball((0.24, 0.28, 0.24), 0.1, 500.0)])
+    ledger = record(sim, 3.0)
     ball_volume = 4.0 / 3.0 * np.pi * 0.1**3
     level = (sim.particles.count * D**3 + 0.5 * ball_volume) / (SIZE[0] * SIZE[2])
     weight = 9.81 * sim.boundary.floating.mass[0]
@@ -125,8 +112,8 @@ def test_bodies_rest_on_floor_and_each_other():
         block((0.13, 0.155, 0.13), 0.1, 500.0),
         ball((0.12, 0.05, 0.32), 0.05, 500.0, velocity=(0.3, 0.0, 0.0)),
     ]
-    sim = simulation(lattice((0.4, 0, 0.4), (0.48, 0.04, 0.48)), bodies)
-    ledger = run(sim, 0.5)
+    sim = puddle(bodies)
+    ledger = record(sim, 0.5)
     floating, slop = sim.boundary.floating, 0.02 * D
     assert floating.x[:, 1] == pytest.approx([0.05, 0.15, 0.05], abs=2.0 * slop)
     assert np.abs(floating.v[:2]).max() < 5e-3
@@ -141,8 +128,8 @@ def test_bodies_that_collide_without_gravity_conserve_their_momentum():
         block((0.15, 0.3, 0.24), 0.1, 500.0, velocity=(1.0, 0.0, 0.0)),
         ball((0.32, 0.33, 0.25), 0.06, 2000.0, velocity=(-1.0, 0.0, 0.0)),
     ]
-    sim = simulation(lattice((0.4, 0, 0.4), (0.48, 0.04, 0.48)), bodies)
-    ledger = run(sim, 0.1, WEIGHTLESS)
+    sim = puddle(bodies)
+    ledger = record(sim, 0.1, WEIGHTLESS)
     first, last = ledger.entries[0], ledger.entries[-1]
     assert np.linalg.norm(sim.boundary.floating.contact[0]) > 0.1
     scale = np.abs(first.floating_momentum).max()
@@ -169,9 +156,9 @@ def test_bodies_that_collide_without_gravity_conserve_their_momentum():
     ],
 )
 def test_bodies_have_their_buoyancy_at_floor_and_wall(body):
-    sim = simulation(lattice((0, 0, 0), (0.48, 0.32, 0.48)), [body])
+    sim = simulation(0.32, [body])
     sim.record_forces()
-    ledger = run(sim, 1.0)
+    ledger = record(sim, 1.0)
     first, last = ledger.entries[30], ledger.entries[-1]
     force = (first.body_impulse - last.body_impulse) / (last.time - first.time)
     volume = 4.0 / 3.0 * np.pi * 0.1**3 if isinstance(body, Ball) else 0.16 * 0.16 * 0.2
@@ -179,10 +166,10 @@ def test_bodies_have_their_buoyancy_at_floor_and_wall(body):
 
 
 def test_checkpoint_holds_floating_bodies():
-    sim = simulation(lattice((0, 0, 0), (0.48, 0.16, 0.48)), [block((0.2, 0.25, 0.2), 0.1, 400.0)])
-    run(sim, 0.2)
+    sim = simulation(0.16, [block((0.2, 0.25, 0.2), 0.1, 400.0)])
+    record(sim, 0.2)
     state, there = sim.state(), sim.boundary.floating.state()
-    run(sim, 0.1)
+    record(sim, 0.1)
     assert not np.allclose(sim.boundary.floating.state(), there)
     sim.restore(state)
     assert sim.boundary.floating.state() == pytest.approx(there)
@@ -196,10 +183,10 @@ def test_checkpoint_holds_floating_bodies():
 
 def test_too_many_links_or_contacts_raise_a_blow_up_error(monkeypatch):
     bodies = [block((0.24, 0.05, 0.24), 0.1, 300.0), block((0.24, 0.16, 0.24), 0.1, 300.0)]
-    sim = simulation(lattice((0, 0, 0), (0.48, 0.12, 0.48)), bodies)
+    sim = simulation(0.12, bodies)
     monkeypatch.setattr(collisions, "MAX_CONTACTS", 3)
     with pytest.raises(BlowUpError, match="bodies touch in .* at most 3"):
-        run(sim, 0.5)
+        record(sim, 0.5)
     monkeypatch.setattr(sim.world.parts.links, "capacity", 10)
     with pytest.raises(BlowUpError, match="particles meet bodies in .* at most 10"):
         sim.world.parts.links.find()
@@ -207,15 +194,15 @@ def test_too_many_links_or_contacts_raise_a_blow_up_error(monkeypatch):
 
 def test_a_body_added_to_a_running_simulation_floats_and_compiles_nothing():
     first = ball((0.12, 0.24, 0.12), 0.06, 400.0, velocity=(0.1, 0.0, 0.0))
-    sim = simulation(lattice((0, 0, 0), (0.48, 0.2, 0.48)), [first])
-    run(sim, 0.1)
+    sim = simulation(0.2, [first])
+    record(sim, 0.1)
     there, compiled = sim.boundary.floating.state(), []
     sim.particles.numpy("x")  # as a window has read them before
     with watch_compiling(compiled.append):
         sim.add_body(block((0.32, 0.3, 0.32), 0.12, 500.0, velocity=(0.0, -1.0, 0.0)), GRAVITY)
         assert sim.boundary.floating.state()[0] == pytest.approx(there[0])
         assert sim.boundary.floating.v[1] == pytest.approx((0.0, -1.0, 0.0))
-        run(sim, 0.5)
+        record(sim, 0.5)
     assert not compiled
     assert 0.1 < sim.boundary.floating.x[1, 1] < 0.3
     checkpoint = sim.state()
@@ -247,14 +234,14 @@ def test_a_body_added_in_the_water_takes_its_place():
 
     Regression: it was moved to the body's face, to 14 times its density, and burst.
     """
-    sim = simulation(lattice((0, 0, 0), (0.48, 0.28, 0.48)), [])
-    run(sim, 0.2)
+    sim = simulation(0.28, [])
+    record(sim, 0.2)
     ledger = Ledger(sim, density_every=math.inf)
     ledger.record(GRAVITY)
     sim.add_body(ball((0.24, 0.12, 0.24), 0.08, 1000.0), GRAVITY)
     volume = 4.0 / 3.0 * np.pi * 0.08**3
     assert sim.rim.outflow == pytest.approx(1000.0 * volume, rel=0.1)
-    run(sim, 0.1)
+    record(sim, 0.1)
     ledger.record(GRAVITY)
     assert abs(ledger.mass_change()) < 1e-6
     assert sim.particles.numpy("density").max() < 1.2 * 1000.0
@@ -269,9 +256,9 @@ def test_measuring_the_density_does_not_change_a_run_with_a_gap():
 
     def run_with(measured):
         low = ball((0.24, 0.075, 0.24), 0.07, 700.0)
-        sim = simulation(lattice((0, 0, 0), (0.48, 0.28, 0.48)), [low])
+        sim = simulation(0.28, [low])
         for k in range(12):
-            sim.advance(1 / 60, ExternalForces(GRAVITY))
+            advance(sim, 1)
             if k in measured:
                 sim.measure_density()
         return sim.state()
@@ -282,7 +269,7 @@ def test_measuring_the_density_does_not_change_a_run_with_a_gap():
 
 
 def test_the_ledger_counts_an_added_body_as_work_and_impulse_of_the_user():
-    sim = simulation(lattice((0, 0, 0), (0.48, 0.2, 0.48)), [])
+    sim = simulation(0.2, [])
     ledger = Ledger(sim, density_every=math.inf)
     ledger.record(GRAVITY)
     sim.add_body(block((0.32, 0.35, 0.32), 0.12, 500.0, velocity=(0.5, -1.0, 0.0)), GRAVITY)
@@ -298,8 +285,8 @@ def test_the_ledger_counts_an_added_body_as_work_and_impulse_of_the_user():
 def test_the_motion_of_a_body_at_its_release_is_work_of_the_user():
     """Regression: it was in no sum, and the method seemed to create 3 % of energy."""
     thrown = ball((0.3, 0.36, 0.24), 0.06, 2000.0, velocity=(0.3, 0.5, 0.0), axis=(0, 0, 1), rate=5)
-    sim = simulation(lattice((0, 0, 0), (0.48, 0.12, 0.48)), [replace(thrown, release=0.05)])
-    ledger = run(sim, 0.1)
+    sim = simulation(0.12, [replace(thrown, release=0.05)])
+    ledger = record(sim, 0.1)
     kinetic = 0.5 * thrown.mass * (0.3**2 + 0.5**2 + 0.4 * 0.06**2 * 5**2)
     assert ledger.entries[2].user_work == 0.0
     assert ledger.entries[-1].user_work == pytest.approx(kinetic, rel=1e-5)
@@ -312,7 +299,7 @@ def test_the_motion_of_a_body_at_its_release_is_work_of_the_user():
 def test_a_body_above_the_floor_of_a_shaken_tank_gains_no_energy():
     """Regression: the pressure in gaps acted on the body without an opposite."""
     box = Block(np.array((0.08, 0.006, 0.06)), np.array((0.36, 0.2, 0.42)), Motion(), 18.6)
-    sim = simulation(lattice((0, 0, 0), (0.48, 0.28, 0.48)), [box])
+    sim = simulation(0.28, [box])
     ledger = Ledger(sim, density_every=math.inf)
 
     def path(t):

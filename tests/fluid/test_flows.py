@@ -4,42 +4,35 @@ import numpy as np
 import pytest
 
 from bench import tanks
-from bench.terms import amplitude, lattice, set_velocity, vortex
-from msph.fluid.external_forces import ExternalForces
-from msph.fluid.particles.layers import LayerSpec
-from msph.fluid.plan import Plan
+from bench.terms import amplitude, set_velocity, vortex
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.solver import Projection
-from msph.fluid.simulation import Simulation
 from msph.measure.probes import FrontProbe
 from msph.measure.snapshot import Snapshot
 from msph.scene.library import assets
+from tests.fluid.fluid_kit import (
+    FRAME,
+    advance,
+    energies,
+    lattice,
+    masses,
+    simulate,
+    spec_of,
+    vectors,
+)
 
 G = 9.81
-FRAME = 1.0 / 60.0
 
 
 def water(x, d, size, v=None, **terms):
     """Returns particles of spacing d [m] at x (n, 3) [m], displaced at random by up to 2 % of d,
     with velocities v (n, 3) [m/s]."""
     x = x + np.random.default_rng(2).uniform(-0.02, 0.02, x.shape) * d
-    initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
-    if v is not None:
-        initial["v"] = v.astype(np.float32)
-    spec = LayerSpec(1000.0 * d**3, 1000.0, Projection.SMOOTHING)
-    return Simulation(Plan(size, [spec], initial, ProjectionParameters(**terms)))
-
-
-def energies(sim):
-    """Returns the kinetic and the potential energy [J] of uniform water."""
-    m = sim.layers.specs[0].mass
-    x, v = (sim.particles.numpy(k).astype(float) for k in "xv")
-    return np.array([0.5 * m * (v**2).sum(), m * G * x[:, 1].sum()])
+    spec = spec_of(d, Projection.SMOOTHING)
+    return simulate(size, [spec], x, v=v, terms=ProjectionParameters(**terms))
 
 
 CELLS, SHEETS, AIR = 12, 5, 3
-
-
 TANK = (1.0, (SHEETS + AIR) / CELLS, 1.0)
 
 
@@ -54,8 +47,7 @@ def stirred():
     x = lattice((CELLS, SHEETS, CELLS), 1.0 / CELLS)
     v = vortex(x) + np.random.default_rng(1).normal(0.0, 0.3, x.shape)
     sim = water(x, 1.0 / CELLS, TANK, v)
-    for _ in range(60):
-        sim.advance(FRAME, ExternalForces())
+    advance(sim, 60)
     return sim
 
 
@@ -77,10 +69,9 @@ def test_viscous_vortex_decays_at_the_rate_of_its_viscosity(stirred):
     x = stirred.particles.numpy("x").astype(float)
     sim = water(x, 1.0 / CELLS, TANK, viscosity=1000.0 * nu)
     # The first frame provides initial pressures; without them the water would fall.
-    sim.advance(FRAME, ExternalForces())
+    advance(sim, 1)
     start, begin = start_vortex(sim), sim.time
-    for _ in range(steps):
-        sim.advance(0.25 * FRAME, ExternalForces())
+    advance(sim, steps, frame=0.25 * FRAME)
     left = np.exp(-2.0 * np.pi**2 * nu * (sim.time - begin))
     assert amplitude(sim) / start == pytest.approx(left, rel=0.1)
 
@@ -91,12 +82,12 @@ def test_viscous_water_falls_in_a_duct_at_the_speed_of_theory(layers, limit):
     theory from 0.1 to 0.25 s after it was at rest; limit (-): of the mean error."""
     edge, middle = 0.2, sum(tanks.DUCT_WATER) / 2.0
     sim = tanks.build(tanks.duct(edge, 8, 100.0, layers, seed=0))
-    masses, errors = np.array([s.mass for s in sim.layers.specs]), []
+    errors = []
     for frame in range(15):
-        sim.advance(FRAME, ExternalForces())
+        advance(sim, 1)
         if frame >= 6:
-            x, v = (sim.particles.numpy(name).astype(float) for name in ("x", "v"))
-            m = masses[sim.particles.numpy("layer")] * (abs(x[:, 1] / edge - middle) < 0.5)
+            x, v = vectors(sim)
+            m = masses(sim) * (abs(x[:, 1] / edge - middle) < 0.5)
             theory = tanks.duct_speed(x[:, 0], x[:, 2], edge, 0.1, sim.time)
             errors.append(-(m * v[:, 1]).sum() / (m * theory).sum() - 1.0)
     assert abs(np.mean(errors)) < limit
@@ -109,7 +100,7 @@ def test_inviscid_vortex_keeps_its_energy(stirred):
     start, first = start_vortex(stirred), energies(stirred)
     found = []
     for _ in range(30):
-        stirred.advance(FRAME, ExternalForces())
+        advance(stirred, 1)
         found.append((energies(stirred) - first).sum() / first[0])
     assert max(found) < 0.03
     assert -0.08 < found[-1] < 0.0
@@ -146,7 +137,7 @@ def dam():
     sim = water(lattice((across, 2 * across, sheets), d), d, (5.0 * a, 2.5 * a, sheets * d))
     probe, found = FrontProbe("", "+x"), [(0.0, 1.0)]
     while found[-1][0] < 3.4:
-        sim.advance(0.05 * unit, ExternalForces())
+        advance(sim, 1, frame=0.05 * unit)
         found.append((sim.time / unit, probe.read(Snapshot.of(sim))[0] / a))
     return np.array(found).T
 

@@ -9,14 +9,11 @@ from msph.errors import BlowUpError
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
 from msph.fluid.particles.images import image_capacity
 from msph.fluid.particles.layers import LayerSpec
-from msph.fluid.plan import Plan
-from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.solver import Projection
-from msph.fluid.simulation import Simulation
-from tests.fluid.fluid_kit import listed, spans, sum_of_entries
+from tests.fluid.fluid_kit import lattice, listed, simulate, spans, spec_of, sum_of_entries
 
 D = 0.04
-FINE, COARSE = LayerSpec(1000.0 * D**3, 1000.0, 2.45), LayerSpec(2000.0 * D**3, 1000.0, 2.45)
+FINE, COARSE = spec_of(D), LayerSpec(2000.0 * D**3, 1000.0, 2.45)
 
 
 @pytest.fixture(autouse=True)
@@ -28,14 +25,13 @@ def unarranged(monkeypatch):
 def water(counts, disturbance=0.2):
     """Returns positions on a disturbed lattice of spacing D at the origin, and random layers."""
     rng = np.random.default_rng(0)
-    x = (np.indices(counts).reshape(3, -1).T + 0.5) * D
+    x = lattice(counts, D)
     x += rng.uniform(-disturbance, disturbance, x.shape) * D
     return x.astype(np.float32), rng.integers(0, 2, len(x)).astype(np.int32)
 
 
 def simulation(x, layer, size, bodies):
-    initial = {"x": x, "layer": layer}
-    return Simulation(Plan(size, [FINE, COARSE], initial, ProjectionParameters(), bodies))
+    return simulate(size, [FINE, COARSE], x, layer, bodies=bodies)
 
 
 def in_order(sim, *names):

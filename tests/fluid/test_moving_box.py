@@ -8,17 +8,13 @@ import pytest
 from msph.fluid.boundary.rigid_bodies import Block, Motion, rotations
 from msph.fluid.classic_parameters import ClassicParameters
 from msph.fluid.moving_box import MovingBox
-from msph.fluid.particles.layers import LayerSpec
-from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
-from msph.fluid.simulation import Simulation
 from msph.measure.ledger import Ledger
+from tests.fluid.fluid_kit import GRAVITY, block_of, simulate, spec_of
 
 SIZE = (0.6, 0.6, 0.6)
 CENTRE = 0.5 * np.array(SIZE)
 D = 0.04
-LAYER = LayerSpec(1000.0 * D**3, 1000.0, 2.45)
-GRAVITY = (0.0, -9.81, 0.0)
 AXIS = np.array([0.6, 0.0, 0.8])
 
 
@@ -29,17 +25,12 @@ def path(time):
     return shift, rotations(1.5 * (1.0 - math.cos(2.0 * time)) * AXIS[None])[0]
 
 
-def simulation(x, parameters=None, bodies=()):
-    initial = {"x": np.float32(x), "layer": np.zeros(len(x), np.int32)}
-    return Simulation(Plan(SIZE, [LAYER], initial, parameters or ProjectionParameters(), bodies))
-
-
 @pytest.mark.parametrize("parameters", [ProjectionParameters(), ClassicParameters()])
 def test_a_free_particle_falls_straight_in_the_world(parameters):
     """A particle that starts at rest in the box has the velocity of the box and then falls freely
     in the world."""
     start = np.array([0.35, 0.4, 0.3])
-    sim = simulation(start[None], parameters)
+    sim = simulate(SIZE, [spec_of(D)], start[None], terms=parameters)
     ledger = Ledger(sim, density_every=math.inf)
     first = ledger.record(MovingBox(GRAVITY, path).gravity)
     for _ in range(12):
@@ -65,8 +56,7 @@ def test_water_in_a_moving_box_balances_momentum_and_gains_no_energy():
     def moving(time):
         return path(time)[0], rotations(np.array([[0.0, 4.0 * time, 0.0]]))[0]
 
-    n = np.round(np.array([0.6, 0.24, 0.6]) / D).astype(int)
-    sim = simulation((np.indices(n).reshape(3, -1).T + 0.5) * D)
+    sim = simulate(SIZE, [spec_of(D)], block_of((0.6, 0.24, 0.6), D))
     ledger = Ledger(sim, density_every=math.inf)
     ledger.record(GRAVITY)
     for _ in range(40):
@@ -89,7 +79,7 @@ def test_a_floating_body_without_forces_moves_straight_and_turns_freely_in_the_w
     energy in the box changes by the work of inertia."""
     lo, hi = np.array([0.2, 0.3, 0.2]), np.array([0.3, 0.36, 0.34])
     body = Block(lo, hi, Motion((0.3, 0.2, 0.0), axis=(1, 2, 0), rate=3.0), mass=0.5)
-    sim = simulation(np.array([[0.5, 0.05, 0.5]]), bodies=(body,))
+    sim = simulate(SIZE, [spec_of(D)], np.array([[0.5, 0.05, 0.5]]), bodies=(body,))
     floating, weightless = sim.boundary.floating, (0.0, 0.0, 0.0)
     first = floating.x[0] - CENTRE, floating.v[0].copy(), floating.spin_momentum[0].copy()
     # The box does not rotate at the start.
@@ -111,8 +101,7 @@ def test_a_floating_body_without_forces_moves_straight_and_turns_freely_in_the_w
 
 
 def test_a_freely_falling_box_has_no_pressure():
-    n = np.round(np.array([0.6, 0.24, 0.6]) / D).astype(int)
-    sim = simulation((np.indices(n).reshape(3, -1).T + 0.5) * D)
+    sim = simulate(SIZE, [spec_of(D)], block_of((0.6, 0.24, 0.6), D))
 
     def fall(time):
         return np.array([0.0, -0.5 * 9.81 * max(time - 0.2, 0.0) ** 2, 0.0]), np.eye(3)

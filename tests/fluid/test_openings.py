@@ -10,9 +10,6 @@ from msph.expressions import ExpressionError
 from msph.fluid.boundary.opening import ZONE, Opening, Valve
 from msph.fluid.constants import MAX_OPENINGS
 from msph.fluid.external_forces import ExternalForces
-from msph.fluid.particles.layers import LayerSpec
-from msph.fluid.plan import Plan
-from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.simulation import OpeningError, Simulation
 from msph.launches import data_oriented, kernel, watch_compiling
 from msph.measure.ledger import Ledger
@@ -22,8 +19,10 @@ from msph.scene.build import build_simulation
 from msph.scene.errors import SceneError
 from msph.scene.openings import openings
 from msph.scene.water import layer_specs
+from tests.fluid.fluid_kit import GRAVITY, block_of, place, record, spec_of
+from tests.fluid.fluid_kit import simulate as water
 
-D, GRAVITY = 0.04, (0.0, -9.81, 0.0)
+D = 0.04
 SIZE = (0.4, 0.4, 0.4)
 UP, DOWN = np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0])
 FLOOR = np.array([0.2, 0.0, 0.2])
@@ -37,21 +36,8 @@ def disc(centre, direction, enters: bool, speed: float | None, radius: float = 0
 
 
 def simulate(*openings: Opening, height: float = 0.2, capacity: int = 4000) -> Simulation:
-    counts = (10, round(height / D), 10)
-    x = ((np.indices(counts).reshape(3, -1).T + 0.5) * D).astype(np.float32)
-    layers = [LayerSpec(1000.0 * D**3, 1000.0, 2.45)]
-    initial = {"x": x, "v": np.zeros_like(x), "layer": np.zeros(len(x), np.int32)}
-    parameters = ProjectionParameters()
-    return Simulation(Plan(SIZE, layers, initial, parameters, openings=openings, capacity=capacity))
-
-
-def run(sim: Simulation, seconds: float, frame: float = 1.0 / 60.0) -> Ledger:
-    ledger = Ledger(sim, density_every=math.inf)
-    ledger.record(GRAVITY)
-    for _ in range(round(seconds / frame)):
-        sim.advance(frame, ExternalForces())
-        ledger.record(GRAVITY)
-    return ledger
+    x = block_of((0.4, height, 0.4), D)
+    return water(SIZE, [spec_of(D)], x, openings=openings, capacity=capacity)
 
 
 @pytest.fixture
@@ -64,7 +50,7 @@ def through_flow():
 
 def test_mass_and_momentum_that_enter_and_leave_are_recorded(through_flow):
     sim = through_flow
-    ledger = run(sim, 0.3)
+    ledger = record(sim, 0.3)
     flowed = steps = 0
     for _ in range(60):
         before, done = ledger.entries[-1], sim.steps
@@ -130,9 +116,9 @@ def test_energy_that_enters_is_recorded():
         lambda time: 1.0 if time >= settled else 0.0,
     )  # fmt: skip
     sim = simulate(tap, height=0.04)
-    run(sim, settled)
+    record(sim, settled)
     # Particles enter every 0.05 s and fall for 0.15 s, so that none meets the water in this time.
-    ledger = run(sim, 0.12, 0.005)
+    ledger = record(sim, 0.12, frame=0.005)
     energies = np.array([entry.energy for entry in ledger.entries])
     assert ledger.entries[-1].inflow_mass > 0.1
     particle_energy = sim.plan.specs[0].mass * (0.5 * 1.0**2 + 9.81 * 0.27)
@@ -148,7 +134,7 @@ def test_the_volume_flow_of_an_inflow_is_area_times_speed():
     )  # fmt: skip
     for opening in (wide, disc(FLOOR, UP, True, 0.5, 0.05)):
         sim = simulate(opening)
-        entered = run(sim, 0.5).entries[-1].inflow_mass
+        entered = record(sim, 0.5).entries[-1].inflow_mass
         sheet = len(opening.sites(sim.layers.specs[0])[0]) * sim.layers.specs[0].mass
         assert entered == pytest.approx(1000.0 * opening.area * 0.5 * 0.5, abs=1.1 * sheet)
         sim.close()
@@ -162,7 +148,7 @@ def test_an_inflow_from_below_lifts_the_water(radius):
     Regression: gravity slowed the water in the pipe, and the water above lacked speed.
     """
     sim = simulate(disc(FLOOR, UP, True, 1.0, radius))
-    ledger, speeds = run(sim, 0.2), []
+    ledger, speeds = record(sim, 0.2), []
     first = ledger.entries[-1]
     for _ in range(18):
         sim.advance(1.0 / 60.0, ExternalForces())
@@ -185,7 +171,7 @@ def test_an_inflow_from_below_lifts_the_water(radius):
 def test_a_closed_inflow_holds_the_water():
     """An inflow of speed 0 acts as a floor: no water enters, and the water is nearly at rest."""
     sim = simulate(disc(FLOOR, UP, True, 0.0))
-    ledger = run(sim, 0.5)
+    ledger = record(sim, 0.5)
     assert ledger.entries[-1].inflow_mass == 0.0
     assert ledger.entries[-1].kinetic < 0.02 * ledger.entries[-1].mass
     assert sim.particles.numpy("x")[:, 1].min() > -ZONE * D
@@ -204,7 +190,7 @@ def test_water_in_pipes_is_no_error_of_the_initial_mass():
 
 def test_water_leaves_a_hole_at_the_speed_of_torricelli():
     sim = simulate(disc(FLOOR, DOWN, False, None, 0.1), height=0.28)
-    ledger = run(sim, 0.25)
+    ledger = record(sim, 0.25)
     entry = ledger.entries[-1]
     x, v = sim.particles.numpy("x"), sim.particles.numpy("v")
     jet = x[:, 1] < -0.2
@@ -219,14 +205,14 @@ def test_water_leaves_a_hole_at_the_speed_of_torricelli():
 def test_a_pump_takes_its_rate_only_where_water_is_near():
     opening = disc(FLOOR, DOWN, False, 0.4)
     sim = simulate(opening, height=0.28)
-    run(sim, 0.5)
+    record(sim, 0.5)
     assert sim.rim.outflow == pytest.approx(500.0 * opening.area * 0.4, abs=0.065)
     assert sim.particles.numpy("x")[:, 1].min() > 0.0
     high = disc((0.2, 0.38, 0.2), DOWN, False, 0.4)
     sim.add_opening(high, GRAVITY)
     sim.remove_opening(opening)
     before = sim.rim.outflow
-    run(sim, 0.2)
+    record(sim, 0.2)
     assert sim.rim.outflow == before
     sim.close()
 
@@ -234,7 +220,7 @@ def test_a_pump_takes_its_rate_only_where_water_is_near():
 def test_a_drain_in_the_box_removes_water_without_drops():
     sim = simulate(disc((0.2, 0.14, 0.2), DOWN, False, None, 0.08), height=0.28)
     before = sim.particles.count
-    run(sim, 0.2)
+    record(sim, 0.2)
     assert sim.rim.outflow == pytest.approx(
         (before - sim.particles.count) * sim.layers.specs[0].mass
     )
@@ -246,7 +232,7 @@ def test_a_drain_in_the_box_removes_water_without_drops():
 def test_a_full_pool_slows_the_inflow_with_a_message():
     opening = disc(FLOOR, UP, True, 0.5)
     sim = simulate(opening, capacity=560)
-    ledger = run(sim, 0.5)
+    ledger = record(sim, 0.5)
     assert sim.particles.count <= 560
     assert "the pool of 560 particles is full" in (sim.openings.message() or "")
     assert ledger.entries[-1].kinetic < 0.02 * ledger.entries[-1].mass
@@ -258,7 +244,7 @@ def test_a_full_pool_slows_the_inflow_with_a_message():
 
 def test_openings_are_added_and_removed_in_a_running_simulation():
     sim = simulate(disc(FLOOR, UP, True, 0.3))
-    run(sim, 0.1)
+    record(sim, 0.1)
     tap = disc((0.2, 0.38, 0.2), DOWN, True, 0.5, 0.05)
     with pytest.raises(ValueError, match="spacings of 0.04 m behind it"):
         sim.add_opening(tap, GRAVITY)
@@ -266,9 +252,9 @@ def test_openings_are_added_and_removed_in_a_running_simulation():
     compiled: list[str] = []
     with watch_compiling(compiled.append):
         sim.add_opening(tap, GRAVITY)
-        entered = run(sim, 0.2).entries[-1].inflow_mass
+        entered = record(sim, 0.2).entries[-1].inflow_mass
         sim.remove_opening(tap)
-        run(sim, 0.1)
+        record(sim, 0.1)
     assert not compiled
     assert entered > 0.5
     assert len(sim.openings.all) == 1
@@ -280,14 +266,13 @@ def test_openings_are_added_and_removed_in_a_running_simulation():
 def test_the_solver_residual_leaves_out_particles_in_inflows():
     """Where a body or other water meets an inflow, nothing can lower the density in its pipe."""
     sim = simulate(disc(FLOOR, UP, True, 0.5))
-    run(sim, 0.2)
+    record(sim, 0.2)
     state = sim.particles.state()
     deepest = np.argsort(state["x"][:, 1])[:6]
     assert (state["x"][deepest, 1] < 0.0).all()
     middle = state["x"][deepest].mean(axis=0)
     state["x"][deepest] = middle + 0.3 * (state["x"][deepest] - middle)
-    sim.particles.fill(**state)
-    sim.solver.particles_moved()
+    place(sim, **state)
     entry = Ledger(sim, density_every=0.0).record(GRAVITY)
     assert sim.particles.numpy("density").max() > 1.3 * 1000.0
     assert entry.solver_residual_max < 0.1
@@ -296,7 +281,7 @@ def test_the_solver_residual_leaves_out_particles_in_inflows():
 
 def test_a_resumed_run_continues_the_inflow():
     sim = simulate(disc(FLOOR, UP, True, 0.5))
-    run(sim, 0.2)
+    record(sim, 0.2)
     assert_repeats(sim)
     sim.close()
 
@@ -304,11 +289,11 @@ def test_a_resumed_run_continues_the_inflow():
 def assert_repeats(sim):
     """Asserts that the next 0.2 s are repeated after a reset and a restore of the present state."""
     state = sim.state()
-    run(sim, 0.2)
+    record(sim, 0.2)
     ahead = sim.state()
     sim.reset()
     sim.restore(state)
-    run(sim, 0.2)
+    record(sim, 0.2)
     again = sim.state()
     assert set(again) == set(ahead)
     for name, values in ahead.items():
@@ -327,7 +312,7 @@ def test_a_checkpoint_holds_openings_that_were_added():
         *(Valve(0.4, until=0.25), np.eye(3)[[1, 2]]),
     )
     sim.add_opening(drain, GRAVITY)
-    run(sim, 0.1)
+    record(sim, 0.1)
     state = sim.state()
     assert_repeats(sim)
     assert len(sim.added_openings) == 2 and sim.openings.speeds[:2].tolist() == [0.5, 0.0]
@@ -353,7 +338,7 @@ def test_layers_adapt_between_inflow_and_hole():
     changes += ["inflows=[{centre=[0.2, 0, 0.4], radius=0.12, speed=0.8}]"]
     changes += ["outflows=[{centre=[0.6, 0, 0.4], radius=0.12}]", "duration=2.0"]
     sim = build_simulation(load_scene("drop", changes))
-    ledger = run(sim, 0.7)
+    ledger = record(sim, 0.7)
     assert sim.openings.all[0].layer > 0
     assert ledger.mass_change() == pytest.approx(0.0, abs=1e-6)
     assert ledger.entries[-1].outflow_mass > 1.0 and ledger.entries[-1].inflow_mass > 5.0

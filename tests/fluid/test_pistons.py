@@ -7,15 +7,11 @@ import pytest
 
 from msph.fluid.boundary.pistons import Stroke
 from msph.fluid.external_forces import ExternalForces
-from msph.fluid.particles.layers import LayerSpec
-from msph.fluid.plan import Plan
-from msph.fluid.projection.parameters import ProjectionParameters
-from msph.fluid.simulation import Simulation
 from msph.measure.ledger import Ledger
+from tests.fluid.fluid_kit import FRAME, GRAVITY, block_of, simulate, spec_of
 
 D = 0.05
 SIZE, DEPTH = (0.8, 0.5, 0.25), 0.2
-GRAVITY, FRAME = (0.0, -9.81, 0.0), 1 / 60
 LOW, FAR = 1, 8  # walls normal to x
 
 
@@ -23,11 +19,7 @@ LOW, FAR = 1, 8  # walls normal to x
 def sim(request):
     """A pool with the spacing given by the test's parameter [m], by default D."""
     d = getattr(request, "param", D)
-    n = np.round(np.array((SIZE[0], DEPTH, SIZE[2])) / d).astype(int)
-    x = ((np.indices(n).reshape(3, -1).T + 0.5) * d).astype(np.float32)
-    initial = {"x": x, "layer": np.zeros(len(x), np.int32)}
-    spec = LayerSpec(1000.0 * d**3, 1000.0, 2.45)
-    sim = Simulation(Plan(SIZE, [spec], initial, ProjectionParameters()))
+    sim = simulate(SIZE, [spec_of(d)], block_of((SIZE[0], DEPTH, SIZE[2]), d))
     yield sim
     sim.close()
 

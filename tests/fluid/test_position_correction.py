@@ -2,36 +2,47 @@
 
 import numpy as np
 import pytest
-from fluid_kit import WEIGHTLESS, colliding_balls, listed, pair_support
 
 from msph.fluid.particles.layers import LayerSpec
-from msph.fluid.plan import Plan
-from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.position_correction import CROWDED_EXCESS, FULL_MOTION
-from msph.fluid.simulation import Simulation
+from tests.fluid.fluid_kit import (
+    WEIGHTLESS,
+    advance,
+    colliding_balls,
+    lattice,
+    listed,
+    masses,
+    of_layers,
+    pair_support,
+    place,
+    simulate,
+    vectors,
+)
 
 
 @pytest.fixture(scope="module")
-def collision():
+def balls():
     return colliding_balls()
+
+
+@pytest.fixture
+def collision(balls):
+    """Returns the balls at their start."""
+    balls.reset()
+    return balls
 
 
 def test_crowds_are_crowded_particles_and_their_neighbours(collision):
     """`crowding` is 2 for particles of an excess above CROWDED_EXCESS and their neighbours, 1 for
     neighbours of those, and 0 elsewhere."""
-    collision.reset()
-    for _ in range(4):
-        collision.advance(1 / 60, WEIGHTLESS)
+    advance(collision, 4, WEIGHTLESS)
     solver, p = collision.solver, collision.particles
-    near = p.x.to_numpy()
-    squeezed = np.flatnonzero(near[: p.count, 0] < np.median(near[: p.count, 0]))
+    near = p.numpy("x").copy()
+    squeezed = near[:, 0] < np.median(near[:, 0])
     near[squeezed] = 0.98 * near[squeezed] + 0.02 * near[squeezed].mean(axis=0)
-    p.x.from_numpy(near)
-    solver.particles_moved()
-    solver.measure_density()
+    place(collision, x=near)
     solver.position_correction._mark_crowds(p.count)
-    x, h = p.numpy("x").astype(float), np.array([s.support for s in collision.layers.specs])
-    h = h[p.numpy("layer")]
+    (x,), h = vectors(collision, "x"), of_layers(collision, "support")
     met = listed(np.linalg.norm(x[:, None] - x, axis=2), pair_support(h, h))
     crowded = p.numpy("density") / 1000.0 - 1.0 > CROWDED_EXCESS
     corrected = (met & crowded).any(axis=1)
@@ -41,7 +52,6 @@ def test_crowds_are_crowded_particles_and_their_neighbours(collision):
     # To rounding of c, in single precision.
     excess = p.numpy("density").max() / 1000.0 - 1.0
     assert solver.density.largest_excess == pytest.approx(excess, abs=1e-6)
-    collision.reset()
 
 
 def test_velocity_exchange_of_crowds_adds_no_energy(collision):
@@ -51,18 +61,12 @@ def test_velocity_exchange_of_crowds_adds_no_energy(collision):
     Regression: particles gave away several times their relative velocity, which grew from step to
     step; a tap deep in a pool blew up all water.
     """
-    collision.reset()
     solver, p = collision.solver, collision.particles
-    state = p.state()
-    state["x"] = (0.8 + 0.63 * (state["x"] - 0.8)).astype(np.float32)
-    state["v"] = np.random.default_rng(0).normal(size=state["v"].shape).astype(np.float32)
-    p.fill(**state)
-    solver.particles_moved()
-    solver.measure_density()
+    x, v = (0.8 + 0.63 * (p.numpy("x") - 0.8)), np.random.default_rng(0).normal(size=(p.count, 3))
+    place(collision, x=x.astype(np.float32), v=v.astype(np.float32))
     solver.position_correction.find(1 / 300)
     p.position_correction.fill(0.0)  # particles stay, so that the exchange repeats
-    mass = np.array([s.mass for s in collision.layers.specs])[p.numpy("layer")][:, None]
-    momenta, energies = [], []
+    mass, momenta, energies = masses(collision)[:, None], [], []
     for _ in range(30):
         v = p.numpy("v").astype(float)
         momenta.append((mass * v).sum(axis=0))
@@ -71,31 +75,24 @@ def test_velocity_exchange_of_crowds_adds_no_energy(collision):
     assert momenta[-1] == pytest.approx(momenta[0], abs=1e-4)
     assert (np.diff(energies) < 1e-6 * energies[0]).all()
     assert energies[-1] < 0.5 * energies[0]
-    collision.reset()
 
 
 def test_relative_speed_is_the_largest_past_neighbours_and_walls(collision):
     """The relative speeds of colliding balls, one of them at a wall, equal brute force."""
-    collision.reset()
-    for _ in range(6):
-        collision.advance(1 / 60, WEIGHTLESS)
+    advance(collision, 6, WEIGHTLESS)
     solver, p = collision.solver, collision.particles
-    state = p.state()
-    state["x"][:, 0] -= state["x"][:, 0].min() - 0.01
-    p.fill(**state)
-    solver.particles_moved()
-    solver.measure_density()
-    x, v, layer = (p.numpy(k) for k in ("x", "v", "layer"))
+    x = p.numpy("x")
+    place(collision, x=x - (x[:, 0].min() - np.float32(0.01)) * np.float32([1, 0, 0]))
+    x, v = (p.numpy(k) for k in "xv")
     solver.position_correction.find(0.0)
     solver.position_correction.apply(0.0)
-    h = np.array([s.support for s in collision.layers.specs])[layer]
+    h = of_layers(collision, "support")
     near = listed(np.linalg.norm(x[:, None] - x, axis=2), pair_support(h, h))
     passing = (np.linalg.norm(v[:, None] - v, axis=2) * near).max(axis=1)
     wall = np.where(x[:, 0] < h, np.abs(v[:, 0]), 0.0)
     assert (wall > passing).any() and (passing > 2.0).any()
     expected = np.maximum(passing, wall)
     assert np.allclose(p.numpy("relative_speed"), expected, rtol=1e-3, atol=1e-5)
-    collision.reset()
 
 
 def test_background_pressure_is_weaker_in_calm_water(collision):
@@ -104,7 +101,6 @@ def test_background_pressure_is_weaker_in_calm_water(collision):
 
     Regression: with full background pressure, waves half a spacing high oscillated 5 % too slowly.
     """
-    collision.reset()
     p, dt = collision.particles, 1 / 300
     brisk = FULL_MOTION * max(s.spacing for s in collision.layers.specs) / dt
 
@@ -118,15 +114,13 @@ def test_background_pressure_is_weaker_in_calm_water(collision):
     assert spread(1.01 * brisk, dt) == pytest.approx(full, rel=1e-5)
     assert 0.0 < spread(0.0, dt) < 0.6 * full
     assert spread(0.0, dt) < spread(0.4 * brisk, dt) < 0.95 * full
-    collision.reset()
 
 
 def mixture(halvings, cells, seed=0):
-    """Returns a cube of 1 m that consists of cells of equal volume; half of them, chosen at random,
-    are halved `halvings` times."""
+    """Returns points and layers of a cube of 1 m that consists of cells of equal volume; half of
+    them, chosen at random, are halved `halvings` times."""
     rng, d = np.random.default_rng(seed), 1.0 / cells
-    axis = (np.arange(cells) + 0.5) * d
-    coarse = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
+    coarse = lattice((cells,) * 3, d)
     chosen = rng.permutation(len(coarse)) % 2 == 0
     fine, edges = coarse[chosen], np.full((chosen.sum(), 3), d)
     for _ in range(halvings):
@@ -136,11 +130,7 @@ def mixture(halvings, cells, seed=0):
         fine, edges = np.concatenate([fine - offset, fine + offset]), np.tile(halved, (2, 1))
     x = np.concatenate([fine, coarse[~chosen]])
     x += rng.normal(0.0, 0.02 * d, x.shape)
-    return {
-        "x": x.clip(0.01, 0.99).astype(np.float32),
-        "v": np.zeros_like(x, np.float32),
-        "layer": np.repeat([0, 1], [len(fine), (~chosen).sum()]).astype(np.int32),
-    }
+    return x.clip(0.01, 0.99), np.repeat([0, 1], [len(fine), (~chosen).sum()])
 
 
 # Volume of the particles over the volume of a cube, so large that no gaps remain; c equals this
@@ -152,7 +142,7 @@ def full_cube(halvings, cells, rounds):
     """Yields a cube of a mixture in each round of the position correction, with known densities."""
     mass = FULL * 1000.0 / cells**3
     specs = [LayerSpec(mass / 2**halvings, 1000.0, 2.5), LayerSpec(mass, 1000.0, 2.5)]
-    sim = Simulation(Plan((1.0, 1.0, 1.0), specs, mixture(halvings, cells), ProjectionParameters()))
+    sim = simulate((1.0, 1.0, 1.0), specs, *mixture(halvings, cells))
     solver = sim.solver
     for _ in range(rounds):
         solver.measure_density()
@@ -168,8 +158,8 @@ def test_mixtures_of_unlike_particles_fill_the_sum_of_their_volumes(halvings):
     are driven into each other by their weight and dissolve."""
     seen = []
     for sim in full_cube(halvings, cells=7, rounds=250):
-        volume = np.array([s.volume for s in sim.layers.specs])[sim.particles.numpy("layer")]
-        seen.append(np.average(sim.particles.numpy("density"), weights=volume) / 1000.0)
+        volume, density = of_layers(sim, "volume"), sim.particles.numpy("density")
+        seen.append(np.average(density, weights=volume) / 1000.0)
     assert np.mean(seen[200:]) / FULL == pytest.approx(1.0, abs=3e-3)
 
 

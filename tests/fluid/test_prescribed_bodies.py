@@ -13,15 +13,13 @@ from msph.fluid.boundary.signed_distance import signed_distance
 from msph.fluid.boundary.volume_map import kernel_share
 from msph.fluid.boundary.wall_integrals import ball_share, block_share, wall_support
 from msph.fluid.external_forces import ExternalForces
-from msph.fluid.particles.layers import LayerSpec
-from msph.fluid.plan import Plan
-from msph.fluid.projection.parameters import ProjectionParameters
-from msph.fluid.simulation import NoWaterError, Simulation
+from msph.fluid.simulation import NoWaterError
 from msph.measure.ledger import Ledger
 from tests.boundary_kit import boundary_of
+from tests.fluid.fluid_kit import block_of, record, simulate, spec_of
 
 D = 0.05
-FINE, COARSE = (LayerSpec(1000.0 * d**3, 1000.0, 2.0) for d in (D, 1.6 * D))
+FINE, COARSE = (spec_of(d, 2.0) for d in (D, 1.6 * D))
 H = wall_support(FINE)
 SIZE = (1.0, 1.0, 1.0)
 MIDDLE = np.array((0.5, 0.5, 0.5))
@@ -242,14 +240,9 @@ def unit(rng, n):
     return v / np.linalg.norm(v, axis=1, keepdims=True)
 
 
-def water(lo, hi, seed=0):
-    """Returns particles of the fine layer at rest on a slightly disturbed lattice from lo to hi."""
-    axes = [np.arange(a + 0.5 * D, b, D) for a, b in zip(lo, hi, strict=True)]
-    x = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
-    x += np.random.default_rng(seed).uniform(-0.02, 0.02, x.shape) * D
-    n = len(x)
-    v, layer = np.zeros((n, 3), np.float32), np.zeros(n, np.int32)
-    return {"x": x.astype(np.float32), "v": v, "layer": layer}
+def water(lo, hi):
+    """Returns positions on a slightly disturbed lattice of spacing D from lo to hi [m]."""
+    return block_of(np.array(hi) - lo, D, jitter=0.02, corner=lo)
 
 
 @pytest.fixture(scope="module")
@@ -259,8 +252,7 @@ def shaken():
         solid(trimesh.creation.icosphere(3, radius=0.35), MIDDLE, container=True),
         Ball(np.array((0.4, 0.4, 0.5)), 0.1, Motion(swing=(0.2, 0.1, 0.0), period=0.4)),
     ]
-    initial = water((0.1, 0.15, 0.1), (0.9, 0.5, 0.9))
-    return Simulation(Plan(SIZE, [FINE], initial, ProjectionParameters(), bodies))
+    return simulate(SIZE, [FINE], water((0.1, 0.15, 0.1), (0.9, 0.5, 0.9)), bodies=bodies)
 
 
 def test_particles_stop_at_walls_and_bodies():
@@ -268,12 +260,10 @@ def test_particles_stop_at_walls_and_bodies():
     moves at 0.5 m/s. The fourth is faster than the ball and is not stopped."""
     x = [(0.3, 0.001, 0.3), (0.3, 0.4, 0.999), (0.701, 0.5, 0.5), (0.72, 0.5, 0.5)]
     v = [(1.0, -2.0, 0.5), (0.0, 1.0, 3.0), (-1.0, 2.0, 0.0), (2.0, 0.0, 0.0)]
-    initial = {"x": np.array(x, np.float32), "v": np.array(v, np.float32)}
-    initial["layer"] = np.zeros(4, np.int32)
     ball = Ball(MIDDLE, 0.2, Motion((0.5, 0.0, 0.0)))
-    sim = Simulation(Plan(SIZE, [FINE], initial, ProjectionParameters(), [ball]))
+    sim = simulate(SIZE, [FINE], np.array(x), v=np.array(v), bodies=[ball])
     p, dt = sim.particles, 1e-7
-    p.fill(**initial)
+    p.fill(**sim.initial)
     sim.solver.impulses.clear()
     sim.measure_density()
     sim.boundary.place(0.0, dt)
@@ -293,11 +283,8 @@ def test_particles_stop_at_walls_and_bodies():
 def test_violent_water_stays_in_its_container_and_leaks_are_counted(shaken):
     shaken.reset()
     ledger = Ledger(shaken)
-    assert (
-        0
-        < shaken.particles.count
-        == len(water((0.1, 0.15, 0.1), (0.9, 0.5, 0.9))["x"]) - (shaken.left_out)
-    )
+    laid = len(water((0.1, 0.15, 0.1), (0.9, 0.5, 0.9)))
+    assert 0 < shaken.particles.count == laid - shaken.left_out
     for k in range(24):
         gravity = (30.0 * (-1) ** (k // 6), -9.81, 20.0 * (-1) ** (k // 4))
         shaken.advance(1 / 60, ExternalForces(gravity=gravity))
@@ -338,14 +325,10 @@ def test_piston_lifts_the_water_it_displaces_and_its_work_balances():
     piston = Block(
         np.array((-0.3, 0.0, 0.0)), np.array((front, 0.8, width)), Motion((speed, 0.0, 0.0))
     )
-    initial = water((front, 0.0, 0.0), (length, 0.3, width))
-    sim = Simulation(Plan((length, 0.8, width), [FINE], initial, ProjectionParameters(), [piston]))
-    ledger, gravity = Ledger(sim), (0.0, -9.81, 0.0)
-    first = ledger.record(gravity)
-    for _ in range(72):
-        sim.advance(1 / 60, ExternalForces(gravity))
-        ledger.record(gravity)
-    last = ledger.entries[-1]
+    x = water((front, 0.0, 0.0), (length, 0.3, width))
+    sim = simulate((length, 0.8, width), [FINE], x, bodies=[piston])
+    ledger = record(sim, 1.2)
+    first, last = ledger.entries[0], ledger.entries[-1]
     face = front + 1.2 * speed
     assert sim.particles.numpy("x")[:, 0].min() > face - 1e-5
     depth = first.mass / 1000.0 / (width * (length - face))
@@ -361,6 +344,5 @@ def test_piston_lifts_the_water_it_displaces_and_its_work_balances():
 
 def test_bodies_that_cover_all_water_are_an_error():
     everything = Block(np.array((0.0, 0.0, 0.0)), np.array((1.0, 1.0, 1.0)))
-    initial = water((0.2, 0.2, 0.2), (0.4, 0.4, 0.4))
     with pytest.raises(NoWaterError, match="64 particles"):
-        Simulation(Plan(SIZE, [FINE], initial, ProjectionParameters(), [everything]))
+        simulate(SIZE, [FINE], water((0.2, 0.2, 0.2), (0.4, 0.4, 0.4)), bodies=[everything])

@@ -3,89 +3,83 @@
 import numpy as np
 import pytest
 import taichi as ti
-from fluid_kit import (
+
+from msph.fluid.external_forces import ExternalForces, Hand
+from msph.fluid.projection.density import lattice_surface
+from msph.fluid.projection.solver import MOTION_FACTOR
+from msph.fluid.projection.virial_pressure import BULK_WEIGHT, SURFACE_WEIGHT
+from msph.taichi_internals import longest_float
+from tests.fluid.fluid_kit import (
     COARSE,
     FINE,
     SIZE,
     WEIGHTLESS,
     YIELD,
+    advance,
     colliding_balls,
     displacements,
+    energies,
     fill,
+    lattice,
     listed,
+    masses,
+    momenta,
+    of_layers,
     pair_support,
+    place,
     quartic,
     quartic_slope,
     relative_density,
+    simulate,
+    spec_of,
+    vectors,
 )
 
-from msph.fluid.external_forces import ExternalForces, Hand
-from msph.fluid.particles.layers import LayerSpec
-from msph.fluid.plan import Plan
-from msph.fluid.projection.density import lattice_surface
-from msph.fluid.projection.parameters import ProjectionParameters
-from msph.fluid.projection.solver import MOTION_FACTOR
-from msph.fluid.projection.virial_pressure import BULK_WEIGHT, SURFACE_WEIGHT
-from msph.fluid.simulation import Simulation
-from msph.taichi_internals import longest_float
-
-WEIGHTS = ("volume", "support")
+MIDDLE = 0.8
 
 
 @pytest.fixture(scope="module")
-def collision():
+def balls():
     return colliding_balls()
 
 
-def momenta(sim):
-    """Returns mass, momentum, angular momentum about the middle, and scales of both momenta."""
-    m = np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")][:, None]
-    x, v = (sim.particles.numpy(k).astype(float) for k in "xv")
-    arm = x - 0.8
-    linear, angular = (m * v).sum(axis=0), (m * np.cross(arm, v)).sum(axis=0)
-    scale = (m[:, 0] * np.linalg.norm(v, axis=1)).sum()
-    spin = (m[:, 0] * np.linalg.norm(arm, axis=1) * np.linalg.norm(v, axis=1)).sum()
-    return m.sum(), linear, angular, scale, spin
+@pytest.fixture
+def collision(balls):
+    """Returns the balls at their start."""
+    balls.reset()
+    return balls
 
 
 def test_collision_of_unequal_layers_conserves_momenta(collision):
-    collision.reset()
-    mass, linear, angular, scale, spin = momenta(collision)
-    for _ in range(9):
-        collision.advance(1 / 60, WEIGHTLESS)
+    mass, (linear, angular, scale, spin) = masses(collision).sum(), momenta(collision, MIDDLE)
+    advance(collision, 9, WEIGHTLESS)
     x = collision.particles.numpy("x")
     h = COARSE.support
     assert x.min() > h and x.max() < SIZE[0] - h, "a wall was met, which takes momentum"
-    mass_after, linear_after, angular_after, _, _ = momenta(collision)
+    linear_after, angular_after, _, _ = momenta(collision, MIDDLE)
     # The balls collided: the front of the fine ball was thrown back or aside.
     speeds = collision.particles.numpy("v")
     assert np.abs(speeds[:, 1:]).max() > 0.3
-    assert mass_after == mass
+    assert masses(collision).sum() == mass
     assert np.linalg.norm(linear_after - linear) < 1e-5 * scale
     assert np.linalg.norm(angular_after - angular) < 1e-4 * spin
 
 
 def test_collision_of_water_gains_no_energy(collision):
-    collision.reset()
-    energies = []
+    kinetic = []
     for _ in range(15):
-        m = np.array([s.mass for s in collision.layers.specs])
-        m = m[collision.particles.numpy("layer")]
-        energies.append(0.5 * (m * (collision.particles.numpy("v") ** 2).sum(axis=1)).sum())
-        collision.advance(1 / 60, WEIGHTLESS)
-    assert max(np.diff(energies)) < 1e-3 * energies[0]
-    assert energies[-1] < 0.95 * energies[0]
+        kinetic.append(energies(collision)[0])
+        advance(collision, 1, WEIGHTLESS)
+    assert max(np.diff(kinetic)) < 1e-3 * kinetic[0]
+    assert kinetic[-1] < 0.95 * kinetic[0]
 
 
 def test_operator_equals_brute_force_and_is_symmetric(collision):
     """c, the diagonal and A equal sums over all pairs, and <p, A q> = <A p, q>, weighted by V."""
-    collision.reset()
     sim, solver = collision, collision.solver
     n = sim.particles.count
     solver.measure_density()
-    x, layer = sim.particles.numpy("x").astype(float), sim.particles.numpy("layer")
-    volume = np.array([s.volume for s in sim.layers.specs])[layer]
-    h = np.array([s.support for s in sim.layers.specs])[layer]
+    (x,), volume, h = vectors(sim, "x"), of_layers(sim, "volume"), of_layers(sim, "support")
     h = pair_support(h, h)
     d = x[:, None] - x
     r = np.linalg.norm(d, axis=2)
@@ -110,22 +104,21 @@ def test_operator_equals_brute_force_and_is_symmetric(collision):
     assert (volume * q * a_q).sum() > 0.0
     fill(sim.particles.velocity_multiplier, q)
     assert np.abs(displacements(sim) - u).max() < 1e-4 * np.abs(u).max()
-    sim.reset()
 
 
 def test_pressure_is_a_third_of_the_virials_trace(collision):
     """Pressures of random multipliers equal brute force. The coarser particle of a pair has the
     larger share of its virial. Where weights are missing, the pressure is the mean over pairs; for
     lone particles, and by the air share at surfaces, it is the particle's own multiplier."""
-    collision.reset()
-    for _ in range(6):
-        collision.advance(1 / 60, WEIGHTLESS)
+    advance(collision, 6, WEIGHTLESS)
     solver, p, dt = collision.solver, collision.particles, 0.01
     n = p.count
     solver.measure_density()
-    x, layer = p.numpy("x").astype(float), p.numpy("layer")
-    volume, support = (np.array([getattr(s, k) for s in collision.layers.specs]) for k in WEIGHTS)
-    volume, h = volume[layer], support[layer]
+    (x,), volume, h = (
+        vectors(collision, "x"),
+        of_layers(collision, "volume"),
+        of_layers(collision, "support"),
+    )
     q = np.random.default_rng(2).uniform(0.0, 1e-4, n)
     fill(p.velocity_multiplier, q)
     solver.pressure_solve.accelerate(dt, ExternalForces())
@@ -146,7 +139,6 @@ def test_pressure_is_a_third_of_the_virials_trace(collision):
     assert (bulk == 0.0).sum() > 10
     expected = 1000.0 / dt**2 * (bulk * trace + (1.0 - bulk) * mean)
     assert np.allclose(p.numpy("pressure"), expected, rtol=1e-4)
-    collision.reset()
 
 
 def pairs(neighbours, density, n):
@@ -164,7 +156,6 @@ def test_pair_impulses_sum_to_zero(collision):
     Regression: sums in single precision left 1e-8 of the impulses, in still water the same in every
     step.
     """
-    collision.reset()
     solver, p, dt = collision.solver, collision.particles, 0.01
     fine = p.numpy("layer") == 0
     solver.measure_density()
@@ -182,28 +173,21 @@ def test_pair_impulses_sum_to_zero(collision):
             assert np.abs(g + reverse[j, i]).max() <= 3e-7 * np.abs(g).max()
     q = p.numpy("pressure_multiplier")
     pushes = -((q[own] + q[other])[:, None] * gradient).astype(float) / 1000.0
-    mass = np.array([s.mass for s in collision.layers.specs], np.float32)[p.numpy("layer")]
-    left = dt * (mass[own].astype(float)[:, None] * pushes).sum(axis=0)
+    mass = masses(collision).astype(np.float32).astype(float)
+    left = dt * (mass[own, None] * pushes).sum(axis=0)
     found = solver.impulses.internal_impulse.total.to_numpy()
     assert np.linalg.norm(left) < 1e-9 * pushed
     assert np.linalg.norm(found - left) < (1e-12 if longest_float() == ti.f64 else 1e-6) * pushed
-    collision.reset()
 
 
 @pytest.mark.parametrize("drift", (0.0, 30.0))
 def test_error_of_the_pressure_solve_is_a_small_share_of_the_speed(collision, drift):
     """Velocities of colliding balls with the usual tolerance differ little from a converged solve.
     A common drift [m/s] of both balls does not loosen the tolerance."""
-    collision.reset()
-    for _ in range(3):
-        collision.advance(1 / 60, WEIGHTLESS)
-    state = collision.particles.state()
-    state["v"][:, 1] += drift
-    collision.particles.fill(**state)
+    advance(collision, 3, WEIGHTLESS)
+    place(collision, v=collision.particles.numpy("v") + np.float32([0.0, drift, 0.0]))
     solver, p, dt = collision.solver, collision.particles, 1 / 300
     limits, n = solver.parameters, p.count
-    solver.particles_moved()
-    solver.measure_density()
     solver.position_correction.find(0.0)
     solver.pressure_solve.build_rhs(n, dt)
     begin, found = p.velocity_multiplier.to_numpy(), {}
@@ -214,7 +198,7 @@ def test_error_of_the_pressure_solve_is_a_small_share_of_the_speed(collision, dr
         p.velocity_multiplier.from_numpy(begin)
         iterations = solver.pressure_solve.solve_to(dt, tolerance, motion_weight, 1000)
         found[name] = iterations, displacements(collision)
-    volume = np.array([s.volume for s in collision.layers.specs])[p.numpy("layer")]
+    volume = of_layers(collision, "volume")
     way = dt * (p.numpy("v") - [0.0, drift, 0.0]) + found["strict"][1]
     off, length = (
         np.sqrt((volume * (u**2).sum(axis=1)).sum())
@@ -222,7 +206,6 @@ def test_error_of_the_pressure_solve_is_a_small_share_of_the_speed(collision, dr
     )
     assert 2 * found["usual"][0] < found["strict"][0]
     assert off < limits.motion_tolerance * length
-    collision.reset()
 
 
 def test_pair_spacing_equals_brute_force(collision):
@@ -231,16 +214,11 @@ def test_pair_spacing_equals_brute_force(collision):
 
     Regression: a fine particle drawn down among coarse ones halved all time steps of a pool.
     """
-    collision.reset()
-    for _ in range(6):
-        collision.advance(1 / 60, WEIGHTLESS)
-    solver, p = collision.solver, collision.particles
-    solver.measure_density()
-    x, layer = p.numpy("x").astype(float), p.numpy("layer")
-    volume, h, d = (
-        np.array([getattr(s, name) for s in collision.layers.specs])[layer]
-        for name in ("volume", "support", "spacing")
-    )
+    advance(collision, 6, WEIGHTLESS)
+    p, layer = collision.particles, collision.particles.numpy("layer")
+    collision.measure_density()
+    x = p.numpy("x").astype(float)
+    volume, h, d = (of_layers(collision, name) for name in ("volume", "support", "spacing"))
     r, h_ij = np.linalg.norm(x[:, None] - x, axis=2), pair_support(h, h)
     weight = np.where(listed(r, h_ij) & (r > 0.0), volume / h_ij**3, 0.0)
     met = weight.sum(axis=1) > 0.1
@@ -252,26 +230,19 @@ def test_pair_spacing_equals_brute_force(collision):
     )
     assert np.allclose(share[alike[met]], 1.0, rtol=1e-5)
     assert share[layer[met] == 0].max() > 1.3
-    collision.reset()
 
 
 def test_water_in_uniform_motion_may_move_farther_in_a_step(collision):
-    collision.reset()
-    state = collision.particles.state()
-    state["v"][:] = (3.0, 0.0, 0.0)
-    collision.particles.fill(**state)
+    place(collision, v=np.full((collision.particles.count, 3), (3, 0, 0), np.float32))
     collision.advance(1e-3, WEIGHTLESS)
     farthest = 3.0 * collision.solver.longest_step() / collision.layers.finest.spacing
     assert farthest == pytest.approx(MOTION_FACTOR * collision.solver.parameters.cfl, rel=0.02)
-    collision.reset()
 
 
 @pytest.mark.parametrize("off", (0.8, 1.25))
 def test_pressure_solve_scales_its_start(collision, off):
     """A start that equals the solution times a factor is scaled to the solution."""
-    collision.reset()
-    for _ in range(3):
-        collision.advance(1 / 60, WEIGHTLESS)
+    advance(collision, 3, WEIGHTLESS)
     solver, p, dt = collision.solver, collision.particles, 1 / 300
     solver.measure_density()
     solver.position_correction.find(0.0)
@@ -282,12 +253,10 @@ def test_pressure_solve_scales_its_start(collision, off):
     solver.pressure_solve.start_round(p.count, dt, 0.0)
     assert solution.max() > 0.0
     assert np.abs(p.numpy("velocity_multiplier") - solution).max() < 1e-3 * solution.max()
-    collision.reset()
 
 
 def test_pressure_solve_drops_a_start_that_is_not_needed(collision):
     """In water that expands everywhere no impulse of the last step remains."""
-    collision.reset()
     solver, p, dt = collision.solver, collision.particles, 1 / 300
     solver.measure_density()
     solver.position_correction.find(0.0)
@@ -296,11 +265,9 @@ def test_pressure_solve_drops_a_start_that_is_not_needed(collision):
     fill(p.velocity_multiplier, np.full(p.count, 1e-6))
     solver.pressure_solve.start_round(p.count, dt, 0.0)
     assert not p.numpy("velocity_multiplier").any()
-    collision.reset()
 
 
 def test_steps_keep_their_length_unless_too_long_or_much_too_short(collision, monkeypatch):
-    collision.reset()
     taken = []
     for allowed in (1.0, 1.9, 2.1, 2.6, 2.1, 0.9):  # in half frames
         monkeypatch.setattr(
@@ -310,8 +277,6 @@ def test_steps_keep_their_length_unless_too_long_or_much_too_short(collision, mo
         collision.advance(1 / 60, WEIGHTLESS)
         taken.append(collision.steps - before)
     assert taken == [2, 2, 2, 1, 1, 3]
-    monkeypatch.undo()
-    collision.reset()
 
 
 def test_a_hand_that_starts_fast_moves_water_by_a_share_of_its_spacing(collision):
@@ -320,7 +285,6 @@ def test_a_hand_that_starts_fast_moves_water_by_a_share_of_its_spacing(collision
     Regression: the first step had the length allowed for water at rest, and a hand of 100 m/s moved
     the water out of the box.
     """
-    collision.reset()
     collision.particles.fields["v"].fill(0.0)
     collision.solver.max_rate = 0.0
     distance = collision.solver.parameters.cfl * collision.layers.finest.spacing
@@ -336,16 +300,13 @@ def test_a_particle_that_has_lost_its_neighbours_does_not_upset_the_solve():
     """Regression: the first direction of such a particle, its residual over a diagonal of 0,
     overflowed, and all water blew up."""
     d = 0.04
-    x = (np.indices((6, 3, 6)).reshape(3, -1).T + 0.5) * d
-    x = np.concatenate([x, [(0.12, 0.4, 0.12)]])
-    initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
-    spec, gravity = LayerSpec(1000.0 * d**3, 1000.0, 2.45), ExternalForces((0.0, -9.81, 0.0))
-    sim = Simulation(Plan((0.24, 0.6, 0.24), [spec], initial, ProjectionParameters()))
+    x = np.concatenate([lattice((6, 3, 6), d), [(0.12, 0.4, 0.12)]])
+    sim = simulate((0.24, 0.6, 0.24), [spec_of(d)], x)
     state = sim.particles.state()
     alone = int(np.argmax(state["x"][:, 1]))
     for name in ("pressure_multiplier", "previous_multiplier"):
         state[name][alone] = 1e3
     sim.particles.fill(**state)
-    sim.advance(2e-3, gravity)
+    sim.advance(2e-3, ExternalForces())
     assert np.abs(sim.particles.numpy("v")).max() < 0.1
     sim.close()

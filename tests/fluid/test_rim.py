@@ -17,34 +17,24 @@ from msph.measure.ledger import Ledger
 from msph.scene import load_scene
 from msph.scene.build import build_simulation
 from msph.taichi_internals import on_cpu
-from tests.fluid.fluid_kit import images_of, neighbours_of
+from tests.fluid.fluid_kit import FRAME, block_of, images_of, neighbours_of, place, record
 
-FRAME, SIZE, SPACING = 1.0 / 60.0, (0.4, 0.3, 0.4), 0.04
+SIZE, SPACING = (0.4, 0.3, 0.4), 0.04
 # Gravity in a box tilted by 40 degrees.
 TILTED = ExternalForces((6.3, -7.5, 0.0))
 
 
-def lattice(height: float) -> np.ndarray:
-    axes = (np.arange(SPACING / 2, length, SPACING) for length in (0.4, height, 0.4))
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-
-
 def plan(height: float, open_top: bool = True, method=ProjectionParameters, **initial) -> Plan:
     """Returns the plan of a box with water of `height` [m]."""
-    x = lattice(height).astype(np.float32)
+    x = block_of((0.4, height, 0.4), SPACING).astype(np.float32)
     start = {"x": x, "v": np.zeros_like(x), "layer": np.zeros(len(x), np.int32), **initial}
     smoothing = 2.45 if method is ProjectionParameters else 1.6
     layers = [LayerSpec(1000.0 * SPACING**3, 1000.0, smoothing, viscosity=5.0)]
     return Plan(SIZE, layers, start, method(), open_top=open_top)
 
 
-def run(sim: Simulation, frames: int, external: ExternalForces = TILTED) -> Ledger:
-    ledger = Ledger(sim, density_every=np.inf)
-    ledger.record(external.gravity)
-    for _ in range(frames):
-        sim.advance(FRAME, external)
-        ledger.record(external.gravity)
-    return ledger
+def run(sim: Simulation, frames: int, gravity=TILTED.gravity) -> Ledger:
+    return record(sim, frames * FRAME, gravity)
 
 
 @pytest.fixture
@@ -85,9 +75,10 @@ def test_a_lid_keeps_the_water(simulate):
 
 
 def test_water_rises_above_the_rim_and_falls_back(simulate):
-    v = np.zeros_like(lattice(0.16), dtype=np.float32)
+    x = block_of((0.4, 0.16, 0.4), SPACING)
+    v = np.zeros_like(x, dtype=np.float32)
     # Only water in the middle, away from the walls, moves upwards.
-    v[np.all(np.abs(lattice(0.16)[:, [0, 2]] - 0.2) < 0.1, axis=1), 1] = 3.0
+    v[np.all(np.abs(x[:, [0, 2]] - 0.2) < 0.1, axis=1), 1] = 3.0
     sim = simulate(plan(0.16, v=v))
     tops = []
     for _ in range(100):
@@ -158,9 +149,7 @@ def test_neighbours_above_the_rim_are_complete_and_mutual(simulate):
     x = rng.uniform((0.0, 0.2, 0.0), (0.4, 0.7, 0.4), (400, 3)).astype(np.float32)
     layer, v = np.zeros(len(x), np.int32), np.zeros_like(x)
     sim = simulate(dataclasses.replace(plan(0.2), initial={"x": x, "v": v, "layer": layer}))
-    sim.particles.fill(x=x, v=v, layer=layer)
-    sim.solver.particles_moved()
-    sim.measure_density()
+    place(sim, x=x, v=v)
     x = sim.particles.numpy("x")
     reach = sim.world.parts.neighbours.reaches[0, 0]
     distance = np.linalg.norm(x[:, None] - x[None], axis=2)
@@ -192,7 +181,7 @@ def test_water_that_never_returns_is_spilt(simulate):
     """Under upward gravity all particles are spilt, and AllSpiltError ends the run."""
     sim = simulate(plan(0.08))
     with pytest.raises(AllSpiltError):
-        run(sim, 90, ExternalForces((0.0, 20.0, 0.0)))
+        run(sim, 90, (0.0, 20.0, 0.0))
     assert sim.rim.mass == pytest.approx(len(sim.initial["x"]) * 1000.0 * SPACING**3)
 
 

@@ -4,38 +4,40 @@ import itertools
 
 import numpy as np
 import pytest
-from fluid_kit import YIELD, fill, listed, quartic_slope, repulsion
 
 from bench import tanks
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles import kernels
-from msph.fluid.particles.layers import LayerSpec
-from msph.fluid.plan import Plan
 from msph.fluid.projection.mean_stress import LEAST_DETERMINANT, MAX_ANISOTROPY
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.shear_relief import ShearRelief
-from msph.fluid.simulation import Simulation
+from tests.fluid.fluid_kit import (
+    WEIGHTLESS,
+    YIELD,
+    fill,
+    lattice,
+    listed,
+    quartic_slope,
+    repulsion,
+    simulate,
+    spec_of,
+)
 
 N, D, SMOOTHING = 7, 0.05, 2.4
 EDGE, DT, SHARE = N * D, 1e-3, 0.9
-# Without gravity, mirror images have the pressure of their particles.
-WEIGHTLESS = ExternalForces((0.0, 0.0, 0.0))
 
 
 @pytest.fixture(scope="module")
 def cube():
     """Returns disordered water that fills a box."""
-    x = (np.indices((N, N, N)).reshape(3, -1).T + 0.5) * D
-    x += np.random.default_rng(4).uniform(-0.3, 0.3, x.shape) * D
-    initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
-    spec = LayerSpec(1000.0 * D**3, 1000.0, SMOOTHING)
-    terms = ProjectionParameters(shear_relief=SHARE)
-    return Simulation(Plan((EDGE,) * 3, [spec], initial, terms))
+    x, terms = lattice((N, N, N), D, 0.3, seed=4), ProjectionParameters(shear_relief=SHARE)
+    return simulate((EDGE,) * 3, [spec_of(D, SMOOTHING)], x, terms=terms)
 
 
 def accelerated(sim, pressure, external=WEIGHTLESS):
     """Returns the velocities (n, 3) [m/s] that shear relief gives water at rest in a step DT, with
-    the multipliers pressure(x) [Pa]."""
+    the multipliers pressure(x) [Pa]. Without gravity, images have the pressure of their
+    particles."""
     sim.measure_density()
     p = sim.particles
     fill(p.velocity_multiplier, DT**2 / 1000.0 * pressure(p.numpy("x").astype(float)))

@@ -5,14 +5,10 @@ import pytest
 
 from msph.fluid.boundary.rigid_bodies import Ball, Motion
 from msph.fluid.external_forces import ExternalForces
-from msph.fluid.particles.layers import LayerSpec
-from msph.fluid.plan import Plan
-from msph.fluid.projection.parameters import ProjectionParameters
-from msph.fluid.simulation import Simulation
 from msph.state import Moment, state_of
+from tests.fluid.fluid_kit import lattice, simulate, spec_of
 
 D, FRAME = 0.04, 1 / 30
-LAYER = LayerSpec(1000.0 * D**3, 1000.0, 2.45)
 GRAVITY = np.array((0.0, -2.0, 0.0))
 THROW = np.array((1.2, 0.5, 0.0))  # initial velocity of water and ball [m/s]
 DRIVEN = np.array((0.3, 0.0, 0.4))  # velocity of the other ball [m/s]
@@ -22,13 +18,10 @@ START, DRIVEN_START = np.array((0.5, 0.6, 0.3)), np.array((0.3, 0.15, 0.3))
 @pytest.fixture
 def thrown():
     """A cube of water and a ball that fly freely, and a ball in prescribed motion."""
-    x = (np.indices((4, 4, 4)).reshape(3, -1).T + 0.5) * D + (0.1, 0.4, 0.5)
-    initial = {"x": x.astype(np.float32), "layer": np.zeros(64, np.int32)}
-    initial["v"] = np.tile(np.float32(THROW), (64, 1))
     floating = Ball(START, 0.08, Motion(tuple(THROW)), 1.0)
     bodies = [floating, Ball(DRIVEN_START, 0.08, Motion(tuple(DRIVEN)))]
-    plan = Plan((1.6, 1.6, 0.9), [LAYER], initial, ProjectionParameters(), bodies)
-    sim = Simulation(plan)
+    x = lattice((4, 4, 4), D, corner=(0.1, 0.4, 0.5))
+    sim = simulate((1.6, 1.6, 0.9), [spec_of(D)], x, v=THROW, bodies=bodies)
     yield sim
     sim.close()
 

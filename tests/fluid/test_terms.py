@@ -2,11 +2,8 @@
 
 import numpy as np
 import pytest
-from fluid_kit import YIELD, listed, pair_support
 
 from msph.fluid.external_forces import ExternalForces
-from msph.fluid.particles.layers import LayerSpec
-from msph.fluid.plan import Plan
 from msph.fluid.projection import surface_tension, viscosity
 from msph.fluid.projection.body_force import BodyForce
 from msph.fluid.projection.parameters import ProjectionParameters
@@ -14,39 +11,39 @@ from msph.fluid.projection.solver import Projection
 from msph.fluid.projection.surface_tension import SurfaceTension
 from msph.fluid.projection.viscosity import Viscosity
 from msph.fluid.projection.viscous_operator import CALIBRATION, WEIGHT_FACTOR
-from msph.fluid.simulation import Simulation
 from msph.scene import SceneError, load_scene
 from tests import scenes_kit
+from tests.fluid.fluid_kit import (
+    WEIGHTLESS,
+    YIELD,
+    ball,
+    lattice,
+    listed,
+    momenta,
+    of_layers,
+    pair_support,
+    simulate,
+    spec_of,
+    vectors,
+)
 
-WEIGHTLESS = ExternalForces(gravity=(0.0, 0.0, 0.0))
-FINE, COARSE = (LayerSpec(1000.0 * d**3, 1000.0, 2.4) for d in (0.03, 0.0476))
+FINE, COARSE = (spec_of(d, 2.4) for d in (0.03, 0.0476))
 MIDDLE = 0.75
 
 
-def ball(radius, spacing):
-    n = int(radius / spacing) + 1
-    axis = (np.arange(-n, n) + 0.5) * spacing
-    grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
-    return grid[np.linalg.norm(grid, axis=1) < radius]
-
-
-def two_layers():
-    """Returns a ball that rotates and shears, with its upper half of the fine layer."""
-    fine, coarse = ball(0.13, 0.03), ball(0.13, 0.0476)
+@pytest.fixture(scope="module")
+def blob():
+    """Returns a ball that rotates and shears, with its upper half of the fine layer, and all terms
+    on; tests apply the terms one by one."""
+    fine, coarse = ball(0.0, 0.13, 0.03), ball(0.0, 0.13, 0.0476)
     fine, coarse = fine[fine[:, 1] > 0.0], coarse[coarse[:, 1] < 0.0]
     x = np.concatenate([fine, coarse])
     x += np.random.default_rng(0).uniform(-1e-3, 1e-3, x.shape)
     v = np.cross([0.0, 2.0, 1.0], x)
     v[:, 0] += 0.3 * np.sin(30.0 * x[:, 1])
-    layer = np.repeat([0, 1], [len(fine), len(coarse)]).astype(np.int32)
-    return {"x": (x + MIDDLE).astype(np.float32), "v": v.astype(np.float32), "layer": layer}
-
-
-@pytest.fixture(scope="module")
-def blob():
-    """Returns the ball of two layers with all terms on; tests apply the terms one by one."""
+    layer = np.repeat([0, 1], [len(fine), len(coarse)])
     terms = ProjectionParameters(viscosity=20.0, tension=1.0)
-    return Simulation(Plan((2 * MIDDLE,) * 3, [FINE, COARSE], two_layers(), terms))
+    return simulate((2 * MIDDLE,) * 3, [FINE, COARSE], x + MIDDLE, layer, v, terms)
 
 
 def prepare(sim):
@@ -57,13 +54,9 @@ def prepare(sim):
 
 def pairs(sim):
     """Returns V_i (n,), offsets r_ij (n, n, 3), distances and support radii (n, n) of all pairs."""
-    x, layer = sim.particles.numpy("x").astype(float), sim.particles.numpy("layer")
-    volume, h = (np.array([getattr(s, k) for s in sim.layers.specs])[layer] for k in VOLUME)
+    (x,), volume, h = vectors(sim, "x"), of_layers(sim, "volume"), of_layers(sim, "support")
     d = x[:, None] - x
     return volume, d, np.linalg.norm(d, axis=2), pair_support(h, h)
-
-
-VOLUME = ("volume", "support")
 
 
 def exchange(sim):
@@ -84,18 +77,6 @@ def velocities(sim):
     return sim.particles.numpy("v").astype(float)
 
 
-def momenta(sim):
-    m = np.array([s.mass for s in sim.layers.specs])[sim.particles.numpy("layer")][:, None]
-    x, v = sim.particles.numpy("x").astype(float) - MIDDLE, velocities(sim)
-    speed, arm = np.linalg.norm(v, axis=1), np.linalg.norm(x, axis=1)
-    return (
-        (m * v).sum(axis=0),
-        (m * np.cross(x, v)).sum(axis=0),
-        (m[:, 0] * speed).sum(),
-        (m[:, 0] * arm * speed).sum(),
-    )
-
-
 def test_viscosity_equals_brute_force(blob):
     solver, n = prepare(blob)
     v, dt = velocities(blob), 1e-3
@@ -110,7 +91,7 @@ def test_implicit_solve_is_backward_euler_and_keeps_momenta(blob):
     """The solve gives v - dt nu lap v = v* by all pairs, at ten times the explicit limit."""
     solver, n = prepare(blob)
     force = solver.force(Viscosity)
-    start, before = velocities(blob), momenta(blob)
+    start, before = velocities(blob), momenta(blob, MIDDLE)
     dt = 10.0 * viscosity.MAX_EXPLICIT / force.stiffness
     volume, weight, unit = exchange(blob)
     blocks = (volume * weight)[..., None, None] * unit[..., None] * unit[..., None, :]
@@ -122,7 +103,7 @@ def test_implicit_solve_is_backward_euler_and_keeps_momenta(blob):
     assert force.iterations > 0
     error = np.linalg.norm(velocities(blob) - exact)
     assert error < 5e-3 * np.linalg.norm(exact - start)
-    after = momenta(blob)
+    after = momenta(blob, MIDDLE)
     assert np.linalg.norm(after[0] - before[0]) < 1e-5 * before[2]
     assert np.linalg.norm(after[1] - before[1]) < 1e-5 * before[3]
 
@@ -136,9 +117,9 @@ def test_the_initial_guess_of_the_implicit_solve_adds_no_angular_momentum(blob):
     guess -= np.average(guess, axis=0, weights=volume)
     rest = ((0, blob.particles.viscous_change.shape[0] - n), (0, 0))
     blob.particles.viscous_change.from_numpy(np.pad(guess.astype(np.float32), rest))
-    before = momenta(blob)
+    before = momenta(blob, MIDDLE)
     force.apply(10.0 * viscosity.MAX_EXPLICIT / force.stiffness, WEIGHTLESS)
-    after = momenta(blob)
+    after = momenta(blob, MIDDLE)
     assert np.linalg.norm(after[0] - before[0]) < 1e-5 * before[2]
     assert np.linalg.norm(after[1] - before[1]) < 1e-5 * before[3]
 
@@ -146,13 +127,10 @@ def test_the_initial_guess_of_the_implicit_solve_adds_no_angular_momentum(blob):
 @pytest.mark.parametrize(("count", "spacing"), [(1, 0.03), (3, 1e-5)])
 def test_the_implicit_solve_is_finite_for_few_and_small_particles(count, spacing):
     """Regression: the determinant of their moment of inertia underflowed."""
-    x = (np.indices((count,) * 3).reshape(3, -1).T + 3.0) * spacing
+    x = lattice((count,) * 3, spacing) + 2.5 * spacing
     v = np.cross([1.0, 2.0, 3.0], x - x.mean(axis=0)) + 0.1
-    spec = LayerSpec(1000.0 * spacing**3, 1000.0, 2.45)
-    initial = {"x": x.astype(np.float32), "v": v.astype(np.float32)}
-    initial["layer"] = np.zeros(len(x), np.int32)
-    parameters = ProjectionParameters(viscosity=20.0, slip=False)
-    sim = Simulation(Plan((9 * spacing,) * 3, [spec], initial, parameters))
+    terms = ProjectionParameters(viscosity=20.0, slip=False)
+    sim = simulate((9 * spacing,) * 3, [spec_of(spacing)], x, v=v, terms=terms)
     for _ in range(2):
         sim.advance(1e-5, WEIGHTLESS)
         assert np.isfinite(velocities(sim)).all() and np.isfinite(sim.particles.numpy("x")).all()
@@ -183,12 +161,8 @@ def test_very_viscous_liquid_at_rest_stays_at_rest():
     of its density.
     """
     n, d = 6, 0.04
-    x = (np.indices((n, n, n)).reshape(3, -1).T + 0.5) * d
-    x += np.random.default_rng(1).uniform(-0.01, 0.01, x.shape) * d
-    initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
-    spec = LayerSpec(1000.0 * d**3, 1000.0, 2.45)
-    parameters = ProjectionParameters(viscosity=1e5)
-    sim = Simulation(Plan((n * d, 2 * n * d, n * d), [spec], initial, parameters))
+    x, terms = lattice((n, n, n), d, 0.01, seed=1), ProjectionParameters(viscosity=1e5)
+    sim = simulate((n * d, 2 * n * d, n * d), [spec_of(d)], x, terms=terms)
     height = sim.particles.numpy("x")[:, 1].mean()
     for _ in range(20):
         sim.advance(1 / 60, ExternalForces())
@@ -245,7 +219,7 @@ def test_tension_is_the_gradient_of_area_and_cohesion(blob):
             step[k, axis] = 1e-5
             slope = (area(blob, x + step)[0] - area(blob, x - step)[0]) / 2e-5
             assert force[k, axis] == pytest.approx(-slope, abs=2e-3 * np.abs(force).max())
-    linear, angular, scale, spin = momenta(blob)
+    linear, angular, scale, spin = momenta(blob, MIDDLE)
     assert np.linalg.norm(linear) < 1e-5 * scale
     assert np.linalg.norm(angular) < 1e-5 * spin
 
@@ -256,13 +230,8 @@ CELLS = 12
 @pytest.fixture(scope="module")
 def tank():
     """Returns a full box of 1 m by 1 m, without gravity, whose walls slip."""
-    x = (np.indices((CELLS, 5, CELLS)).reshape(3, -1).T + 0.5) / CELLS
-    x += np.random.default_rng(2).uniform(-0.1, 0.1, x.shape) / CELLS
-    initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
-    spec = LayerSpec(1000.0 / CELLS**3, 1000.0, 2.4)
-    return Simulation(
-        Plan((1.0, 5.0 / CELLS, 1.0), [spec], initial, ProjectionParameters(viscosity=5.0))
-    )
+    x, terms = lattice((CELLS, 5, CELLS), 1 / CELLS, 0.1, seed=2), ProjectionParameters(viscosity=5)
+    return simulate((1.0, 5.0 / CELLS, 1.0), [spec_of(1 / CELLS, 2.4)], x, terms=terms)
 
 
 @pytest.mark.parametrize("steps", [20, 1])
@@ -272,14 +241,8 @@ def test_taylor_green_vortex_decays_at_the_rate_of_its_viscosity(tank, steps):
     prepare(tank)
     tank.particles.pressure_multiplier.fill(0.0)
     term, x = tank.solver.force(Viscosity), np.pi * tank.particles.numpy("x").astype(float)
-    shape = np.stack(
-        [
-            np.sin(x[:, 0]) * np.cos(x[:, 2]),
-            0.0 * x[:, 0],
-            -np.cos(x[:, 0]) * np.sin(x[:, 2]),
-        ],
-        axis=1,
-    )
+    x, y, z = x.T
+    shape = np.column_stack([np.sin(x) * np.cos(z), 0.0 * y, -np.cos(x) * np.sin(z)])
     tank.particles.v.from_numpy(shape.astype(np.float32))
     rate, seconds = 2.0 * np.pi**2 * term.nu, 0.4 if steps > 1 else 2.0
     for _ in range(steps):
@@ -293,10 +256,8 @@ def test_taylor_green_vortex_decays_at_the_rate_of_its_viscosity(tank, steps):
 def test_walls_without_slip_give_a_sine_profile_its_rate_of_decay():
     """The profile v = sin(pi x/L) sin(pi z/L) between walls without slip decays at 2 nu (pi/L)^2:
     it is an eigenfunction, due to the velocities of the images."""
-    x = (np.indices((8, 20, 8)).reshape(3, -1).T + 0.5) * 0.05
-    initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
-    terms = ProjectionParameters(viscosity=1.0, slip=False)
-    sim = Simulation(Plan((0.4, 1.0, 0.4), [LayerSpec(0.125, 1000.0, 2.4)], initial, terms))
+    x, terms = lattice((8, 20, 8), 0.05), ProjectionParameters(viscosity=1.0, slip=False)
+    sim = simulate((0.4, 1.0, 0.4), [spec_of(0.05, 2.4)], x, terms=terms)
     solver, n = prepare(sim)
     x = sim.particles.numpy("x").astype(float)
     v = np.zeros_like(x)
@@ -312,12 +273,11 @@ def test_walls_without_slip_give_a_sine_profile_its_rate_of_decay():
 def test_walls_without_slip_act_symmetrically_and_brake():
     """<a, lap b> = <b, lap a>, <a, lap a> < 0 for random velocities of two layers in a corner."""
     rng = np.random.default_rng(3)
-    x = (np.indices((6, 6, 6)).reshape(3, -1).T + 0.5) * 0.04 + rng.uniform(-0.015, 0.015, (216, 3))
-    initial = {"x": x.astype(np.float32), "layer": rng.integers(0, 2, 216).astype(np.int32)}
+    x = lattice((6, 6, 6), 0.04) + rng.uniform(-0.015, 0.015, (216, 3))
     terms = ProjectionParameters(viscosity=1.0, slip=False)
-    sim = Simulation(Plan((0.5,) * 3, [FINE, COARSE], initial, terms))
+    sim = simulate((0.5,) * 3, [FINE, COARSE], x, rng.integers(0, 2, 216), terms=terms)
     solver, n = prepare(sim)
-    volume = np.array([s.volume for s in (FINE, COARSE)])[sim.particles.numpy("layer")]
+    volume = of_layers(sim, "volume")
     fields, found = rng.normal(size=(2, n, 3)), []
     for v in fields:
         sim.particles.v.from_numpy(np.resize(v, (*sim.particles.v.shape, 3)).astype(np.float32))
@@ -330,10 +290,8 @@ def test_walls_without_slip_act_symmetrically_and_brake():
 
 def test_surface_tension_turns_a_cube_into_a_ball_of_equal_volume():
     n, edge = 9, 0.009
-    x = (np.indices((n, n, n)).reshape(3, -1).T + 0.5) * edge / n + 0.0155
-    initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
-    spec = LayerSpec(1000.0 * (edge / n) ** 3, 1000.0, 2.4)
-    sim = Simulation(Plan((0.04,) * 3, [spec], initial, ProjectionParameters(tension=0.072)))
+    x, terms = lattice((n, n, n), edge / n) + 0.0155, ProjectionParameters(tension=0.072)
+    sim = simulate((0.04,) * 3, [spec_of(edge / n, 2.4)], x, terms=terms)
     radius = (0.75 / np.pi) ** (1.0 / 3.0) * edge
     diagonals = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)]) / 3**0.5
     axes = np.concatenate([np.eye(3), -np.eye(3)])
@@ -364,8 +322,7 @@ def test_terms_that_are_off_have_no_attributes_and_no_forces():
     ):
         assert name not in plain
         assert name in {a.name for a in Projection.attributes(terms, False)}
-    initial = {"x": np.full((1, 3), 0.5, np.float32), "layer": np.zeros(1, np.int32)}
-    sim = Simulation(Plan((1.0,) * 3, [FINE], initial, off))
+    sim = simulate((1.0,) * 3, [FINE], np.full((1, 3), 0.5), terms=off)
     assert [type(force) for force in sim.solver.forces] == [BodyForce]
     assert sim.solver.adaptation is None
 

@@ -4,9 +4,12 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 from tests.arch_kit import require
 
 
+@pytest.mark.slow
 def test_grid_equals_brute_force_on_vulkan():
     """The tests run in a separate process, since a Taichi runtime has one architecture."""
     require("vulkan")

@@ -8,19 +8,15 @@ import trimesh
 
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
 from msph.fluid.external_forces import ExternalForces
-from msph.fluid.particles.layers import LayerSpec
-from msph.fluid.plan import Plan
-from msph.fluid.projection.parameters import ProjectionParameters
-from msph.fluid.simulation import Simulation
 from msph.measure.ledger import Ledger
 from msph.measure.snapshot import Snapshot
+from tests.fluid.fluid_kit import GRAVITY, advance, block_of, simulate, spec_of
 
 D, RADIUS, DEPTH = 0.04, 0.1, 0.4
 SIZE = (1.2, 0.6, 0.48)
 BALL, MESH = np.array((0.6, 0.2, 0.24)), np.array((0.96, 0.2, 0.24))
 PILLAR = np.array(((0.18, 0.0, 0.16), (0.34, 0.6, 0.32)))
 SUNK = 4.0 / 3.0 * np.pi * RADIUS**3  # volume of the ball, and nearly of the mesh [m^3]
-GRAVITY = (0.0, -9.81, 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -32,11 +28,8 @@ def pool():
         Ball(BALL, RADIUS),
         Solid(np.array(mesh.vertices) + MESH, np.array(mesh.faces)),
     ]
-    n = np.round(np.array((SIZE[0], DEPTH, SIZE[2])) / D).astype(int)
-    x = (np.indices(n).reshape(3, -1).T + 0.5) * D
-    initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
-    layers = [LayerSpec(1000.0 * D**3, 1000.0, 2.45)]
-    return Simulation(Plan(SIZE, layers, initial, ProjectionParameters(), bodies))
+    x = block_of((SIZE[0], DEPTH, SIZE[2]), D)
+    return simulate(SIZE, [spec_of(D)], x, bodies=bodies)
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +38,7 @@ def rest(pool):
     pool.reset()
     ledger, waters = Ledger(pool, density_every=math.inf), []
     for frame in range(90):
-        pool.advance(1 / 60, ExternalForces(GRAVITY))
+        advance(pool, 1)
         if frame >= 60:
             ledger.record(GRAVITY)
             waters.append(Snapshot.of(pool))

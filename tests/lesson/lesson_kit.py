@@ -1,9 +1,10 @@
 """Lessons that the tests of lessons share."""
 
-from msph.lesson.load import shipped_lessons
+from msph.lesson.load import load_lesson, shipped_lessons
 from msph.stage.preparation import prepare_row
 
 LESSONS = tuple(shipped_lessons())
+BOARDS = tuple(name for name in LESSONS if load_lesson(name).lesson.board)
 
 
 def prepared(course, size=None):

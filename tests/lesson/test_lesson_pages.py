@@ -12,7 +12,7 @@ import pytest
 from msph.lesson import slides, web
 from msph.lesson.load import load_lesson
 from msph.lesson.schema import SliderOf
-from tests.lesson.lesson_kit import LESSONS, TINY, written
+from tests.lesson.lesson_kit import BOARDS, LESSONS, TINY, written
 
 
 def test_a_page_is_complete_and_needs_no_network(tmp_path):
@@ -47,7 +47,7 @@ def test_no_text_of_a_lesson_becomes_code_of_its_page(tmp_path, monkeypatch):
     assert code in told[0]
 
 
-@pytest.mark.parametrize("name", [name for name in LESSONS if load_lesson(name).lesson.board])
+@pytest.mark.parametrize("name", BOARDS)
 def test_tasks_of_a_page_can_be_completed_with_its_sliders(name, monkeypatch):
     """Each task of a page has the sliders of its solution, and they can complete it.
 

@@ -15,7 +15,8 @@ from msph.lesson.quantities import QUANTITIES, Numbers
 from msph.lesson.schema import LINES, WORDS
 from msph.lesson.student import Student
 from msph.scene.library import assets
-from tests.lesson.lesson_kit import LESSONS, prepared, written
+from tests.lesson.lesson_kit import BOARDS, LESSONS, prepared, written
+from tests.tiers import slow_but
 
 # Lessons whose quantities are measured in the rendered image.
 SEEN = ("light",)
@@ -28,7 +29,7 @@ def test_there_are_fifteen_lessons_in_order_physics_first():
     assert LESSONS[:5] == ("floating", "pressure", "torricelli", "waves", "boat")
 
 
-@pytest.mark.parametrize("name", LESSONS)
+@pytest.mark.parametrize("name", slow_but(("forces", *BOARDS), LESSONS))
 def test_solutions_complete_all_tasks_and_inaction_none(name):
     course = load_lesson(name)
     row = prepared(course, (320, 180) if name in SEEN else None)
@@ -140,6 +141,7 @@ def test_the_lesson_of_teaching_md_works(tmp_path):
     assert student.work(), progress.shown()
 
 
+@pytest.mark.slow
 def test_a_solution_ends_at_the_values_that_its_text_names():
     """Regression: the film of `light` ended at an index of 1.311, and its text said 1.33."""
     course = load_lesson("light")

@@ -9,15 +9,15 @@ import pytest
 from msph.fluid.classic_parameters import ClassicParameters
 from msph.fluid.external_forces import ExternalForces, Hand
 from msph.fluid.particles.layers import LayerSpec
-from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
-from msph.fluid.simulation import FullError, Simulation
+from msph.fluid.simulation import FullError
 from msph.measure.entry import columns
 from msph.measure.ledger import Ledger, NotFiniteError, level_potential
 from msph.measure.summary import errors
 from msph.scene import load_scene
 from msph.scene.build import build_simulation
 from msph.scene.schema import Scene
+from tests.fluid.fluid_kit import advance, lattice, simulate, spec_of, vectors
 
 G = (0.0, -9.81, 0.0)
 SIZE = (1.0, 1.0, 1.0)
@@ -28,13 +28,9 @@ MASSES = np.array([0.3, 0.7])
 def world():
     rng = np.random.default_rng(5)
     n = 60
-    initial = {
-        "x": rng.uniform(0.2, 0.8, (n, 3)).astype(np.float32),
-        "v": rng.normal(0.0, 1.0, (n, 3)).astype(np.float32),
-        "layer": rng.integers(0, 2, n).astype(np.int32),
-    }
+    x, v = rng.uniform(0.2, 0.8, (n, 3)), rng.normal(0.0, 1.0, (n, 3))
     layers = [LayerSpec(m, 1000.0, 2.0, viscosity=1.0) for m in MASSES]
-    sim = Simulation(Plan(SIZE, layers, initial, ClassicParameters()))
+    sim = simulate(SIZE, layers, x, rng.integers(0, 2, n), v, ClassicParameters())
     return sim, Ledger(sim)
 
 
@@ -47,7 +43,7 @@ def start_anew(world):
 def test_entry_equals_sums_by_hand(world):
     sim, ledger = world
     entry = ledger.record(G)
-    x, v = (sim.particles.numpy(k).astype(float) for k in "xv")
+    x, v = vectors(sim)
     m = MASSES[sim.particles.numpy("layer")]
     assert entry.mass == pytest.approx(m.sum(), rel=1e-5)
     assert entry.momentum == pytest.approx((m[:, None] * v).sum(axis=0), rel=1e-4, abs=1e-4)
@@ -200,13 +196,9 @@ def test_reference_energy_counts_height_above_the_lowest_corner(world):
 def pool():
     """Returns a pool of the projection method, 448 particles in two layers, and its ledger."""
     d = 0.05
-    sites = np.indices((8, 7, 8)).reshape(3, -1).T + 0.5
-    initial = {
-        "x": (sites * d).astype(np.float32),
-        "layer": (sites[:, 1] < 4).astype(np.int32),
-    }
-    layers = [LayerSpec(1000.0 * d**3, 1000.0, 2.0), LayerSpec(1050.0 * d**3, 1000.0, 2.0)]
-    sim = Simulation(Plan((8 * d, 10 * d, 8 * d), layers, initial, ProjectionParameters()))
+    x = lattice((8, 7, 8), d)
+    layers = [spec_of(d, 2.0), LayerSpec(1050.0 * d**3, 1000.0, 2.0)]
+    sim = simulate((8 * d, 10 * d, 8 * d), layers, x, x[:, 1] < 4 * d)
     return sim, Ledger(sim)
 
 
@@ -265,8 +257,7 @@ def test_added_water_is_recorded_and_overlaps_nothing(pool, monkeypatch):
     assert len(np.unique(ids)) == len(ids)
     with pytest.raises(FullError, match="full"):
         sim.add(above + np.float32(0.051), v[:3], 0, G)
-    for _ in range(6):
-        sim.advance(1 / 60, ExternalForces(G))
+    advance(sim, 6)
     entry = ledger.record(G)
     assert abs(ledger.mass_change()) < 1e-6 and entry.outside == 0
     assert entry.energy < start.energy + 1e-3 * start.potential
@@ -338,10 +329,8 @@ def test_fine_water_is_not_added_between_coarse_particles():
 @pytest.mark.parametrize("tension", [0.0, 0.072])
 def test_energy_gains_are_unknown_under_surface_tension(tension):
     """Regression: the energy that the surface gave to drops counted as created by the method."""
-    x = (np.indices((4, 4, 4)).reshape(3, -1).T + 8.0) * 1e-3
-    initial = {"x": x.astype(np.float32), "layer": np.zeros(len(x), np.int32)}
-    spec = LayerSpec(1e-6, 1000.0, 2.45)
-    sim = Simulation(Plan((0.02,) * 3, [spec], initial, ProjectionParameters(tension=tension)))
+    x, terms = lattice((4, 4, 4), 1e-3) + 7.5e-3, ProjectionParameters(tension=tension)
+    sim = simulate((0.02,) * 3, [spec_of(1e-3)], x, terms=terms)
     ledger = Ledger(sim)
     for _ in range(3):
         ledger.record((0.0, 0.0, 0.0))

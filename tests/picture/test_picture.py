@@ -7,7 +7,6 @@ from msph.picture import samples
 from msph.picture.camera import Camera
 from msph.picture.look import Look
 from msph.picture.picture import Picture
-from msph.picture.room import PictureRoom
 from msph.picture.shot import CAUSTIC_CELLS
 
 TILT = np.array([[np.cos(0.2), -np.sin(0.2), 0], [np.sin(0.2), np.cos(0.2), 0], [0, 0, 1]])
@@ -148,7 +147,11 @@ def test_a_hill_of_water_focuses_light_and_keeps_its_amount(picture, mesh):
     n[top] = (slope / np.linalg.norm(slope, axis=1, keepdims=True))[top]
     mesh.fill(v, t, n)
     picture.draw_water(camera())
-    focus = picture.sunlight.focus.to_numpy()
+    focus, lit = picture.sunlight.focus.to_numpy(), picture.image.to_numpy()
+    picture.change(Look(caustics=False))
+    picture.draw_water(camera())
+    assert np.abs(lit - picture.image.to_numpy()).max() > 0.1, "the floor shows the light"
+    picture.change(Look())
     mesh.fill(*still_water(n=24))
     picture.draw_water(camera())
     still = picture.sunlight.focus.to_numpy()
@@ -201,17 +204,18 @@ def test_the_nearer_particle_hides_the_farther_particle(picture, particles):
 
 
 def test_supersampling_averages_the_same_image(picture, mesh):
-    picture.reset()  # dries the walls
     mesh.fill(*still_water())
-    fine = Picture(mesh, room=PictureRoom(WIDTH, HEIGHT))
-    fine.load(WIDTH // 2, HEIGHT // 2, BOX, Look(supersample=2, caustics=False))
-    fine.draw_water(camera())
-    assert not fine.sunlight.focus.to_numpy().any(), "caustics cost nothing when off"
+    picture.load(WIDTH // 2, HEIGHT // 2, BOX, Look(supersample=2, caustics=False))
+    picture.sunlight.focus.fill(0.0)
+    picture.draw_water(camera())
+    assert not picture.sunlight.focus.to_numpy().any(), "caustics cost nothing when off"
+    fine, picked = picture.image.to_numpy(), picture.pick(80, 50)
+    picture.load(WIDTH, HEIGHT, BOX)
     picture.draw_water(camera())
     coarse = canvas_of(picture).reshape(WIDTH // 2, 2, HEIGHT // 2, 2, 3).mean((1, 3))
     dry = ~covered(picture.raster).reshape(WIDTH // 2, 2, HEIGHT // 2, 2).any((1, 3))
-    np.testing.assert_allclose(fine.image.to_numpy()[dry], coarse[dry], atol=2e-3)
-    np.testing.assert_allclose(fine.pick(80, 50), picture.pick(160, 100), atol=1e-5)
+    np.testing.assert_allclose(fine[dry], coarse[dry], atol=2e-3)
+    np.testing.assert_allclose(picked, picture.pick(160, 100), atol=1e-5)
 
 
 def test_backdrop_left_out_under_water_does_not_change_the_image(picture, mesh):
@@ -244,6 +248,7 @@ def every_pixel(mesh):
     return drawn
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(0.02, 25.0), (0.004, 90.0)])
 def test_means_in_even_blocks_are_close_to_samples_of_every_pixel(picture, every_pixel, mesh, size):
     """For long waves and steep ripples, the difference between the images is not visible."""

@@ -17,9 +17,10 @@ from tests.scenes_kit import TEXT, WATER, write
 from tests.stage.player_kit import FRAME, SIZE, played
 
 
-@pytest.fixture(scope="package")
+# Each file returns its fields to the stock, so that the next file compiles nothing.
+@pytest.fixture(scope="module")
 def show(tmp_path_factory):
-    """Returns a show of viscous water, which has more live parameters."""
+    """Yields a show of viscous water, which has more live parameters."""
     path = write(
         tmp_path_factory.mktemp("scene"),
         f"""{TEXT.split("[classic]")[0]}
@@ -28,7 +29,9 @@ viscosity = 1.0
 {WATER}""",
     )
     scene = load_scene(path, ("method=projection", "adaptation.enabled=true"))
-    return Show(scene, FRAME, SIZE, timings=Timings(keep=1), **INTERACTIVE)
+    show = Show(scene, FRAME, SIZE, timings=Timings(keep=1), **INTERACTIVE)
+    yield show
+    show.close()
 
 
 @pytest.fixture

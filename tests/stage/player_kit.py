@@ -54,12 +54,19 @@ def press(player, show, *keys, number=1):
     return frames(player, show, number)
 
 
+def wet_pixels(show):
+    """Returns pixels (right, up) of the image that show water, and the points [m] of its surface;
+    every twelfth pixel along both axes, since each takes a launch."""
+    width, height = show.display.picture.size
+    pixels = itertools.product(range(0, width, 12), range(0, height, 12))
+    hits = ((pixel, show.display.pick(*pixel)) for pixel in pixels)
+    return [(pixel, x) for pixel, x in hits if x is not None]
+
+
 def wet_place(show):
     """Returns a position on the water's surface in the left half of the box, (right, up) in shares
     of the window."""
-    pixels = itertools.product(range(0, WIDTH, 4), range(0, HEIGHT, 4))
-    hits = [(pixel, show.display.pick(*pixel)) for pixel in pixels]
-    hits = [(pixel, x) for pixel, x in hits if x is not None]
+    hits = wet_pixels(show)
     level, middle = max(x[1] for _, x in hits), 0.5 * show.simulation.size[0]
     wet = [pixel for pixel, x in hits if x[1] > 0.9 * level and x[0] < middle]
     return np.array(wet[len(wet) // 2]) / SIZE

@@ -30,6 +30,7 @@ def test_active_parts_are_the_parts_that_a_scene_has(tmp_path, scene):
     assert viscosity.without(sticky).projection.slip
 
 
+@pytest.mark.slow
 def test_the_table_has_costs_and_errors(tmp_path, monkeypatch):
     monkeypatch.setattr(explain, "SECONDS", 0.1)
     # Each active part is one more simulation, which compiles its kernels.

@@ -19,6 +19,7 @@ from msph.stage.player import Player
 from msph.stage.preparation import prepare_row
 from msph.stage.sheet import Sheet, text_height
 from tests.stage.player_kit import HEIGHT, SIZE, WIDTH, Screen, frames, press
+from tests.tiers import slow_but
 
 
 @pytest.fixture(scope="module")
@@ -143,7 +144,7 @@ def test_help_covers_the_band_and_messages_are_above_it(player, row):
     assert low >= player.guide.below and left >= 0
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", slow_but([1], [1, 2]))
 def test_random_input_in_a_lesson_loses_no_water(player, row, seed):
     dice, window = random.Random(seed), player.window
     keys = [k for k in ACTIONS if ACTIONS[k] not in ("quit", "clip", "picture")] + ["b", "c"]

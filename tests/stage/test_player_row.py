@@ -1,6 +1,5 @@
 """Tests of a player with simulations side by side."""
 
-import itertools
 import math
 
 import imageio.v2 as imageio
@@ -23,6 +22,7 @@ from tests.stage.player_kit import (
     frames,
     played,
     press,
+    wet_pixels,
 )
 
 BELOW = 40
@@ -30,9 +30,11 @@ BELOW = 40
 
 @pytest.fixture(scope="module")
 def other(show):
-    """Returns the second show: the same scene without adaptation, with only coarser particles."""
+    """Yields the second show: the same scene without adaptation, with only coarser particles."""
     scene = show.scene.model_copy(update={"adaptation": type(show.scene.adaptation)()})
-    return Show(scene, FRAME, SIZE, timings=Timings(keep=5), **INTERACTIVE)
+    other = Show(scene, FRAME, SIZE, timings=Timings(keep=5), **INTERACTIVE)
+    yield other
+    other.close()
 
 
 @pytest.fixture
@@ -99,10 +101,8 @@ class TestRow:
         player = played(row, wide, screen=screen)
         player.saver.folder = tmp_path
         frames(player, row, 2)
-        pixels = itertools.product(range(0, WIDTH, 4), range(0, HEIGHT, 4))
-        second = row.shows[1]
-        wet = [pixel for pixel in pixels if second.display.pick(*pixel) is not None]
-        i, j = wet[len(wet) // 2]
+        wet = wet_pixels(row.shows[1])
+        i, j = wet[len(wet) // 2][0]
         screen.at = np.array([WIDTH + 2 + i, BELOW + j]) / row.size
         screen.held = {"LMB"}
         frames(player, row, 2)
@@ -126,8 +126,7 @@ class TestRow:
         player = played(row, wide, screen=screen)
         frames(player, row, 2)
         first = row.shows[0]
-        wet = [(i, j) for i in range(0, WIDTH, 4) for j in range(0, HEIGHT, 4)]
-        i, j = max(pixel for pixel in wet if first.display.pick(*pixel) is not None)
+        i, j = max(pixel for pixel, _ in wet_pixels(first))
         screen.at = np.array([i, BELOW + j]) / row.size
         screen.held = {"LMB"}
         frames(player, row, 2)

@@ -1,6 +1,5 @@
 """Tests of a player's tools: keys and gestures, and their effect on the water."""
 
-import itertools
 import math
 from dataclasses import replace
 
@@ -23,10 +22,36 @@ from tests.stage.player_kit import (
     WIDTH,
     frames,
     press,
+    wet_pixels,
     wet_place,
 )
 
 DOWN = (0.0, -9.81, 0.0)  # gravity [m/s^2]
+
+
+# The next two tests run before `show` is built, and use its fields.
+def test_a_wall_that_a_body_touches_does_not_move(tmp_path):
+    body = 'method = "projection"\n[[bodies]]\nlo = [0, 0, 0.1]\nhi = [0.1, 0.4, 0.3]\n'
+    text = body.join(TEXT.split("[classic]")[0].split('method = "classic"\n')) + WATER
+    show = Show(load_scene(write(tmp_path, text)), 1 / 60)
+    use = ToolUse.of("wave", (np.zeros(3),) * 5, 1 / 60, 1 / 60)
+    show.frame(Controls(use=use))
+    assert "no room" in show.note and show.simulation.piston is None
+    show.close()
+
+
+def test_the_classic_method_refuses_added_bodies_and_openings(tmp_path):
+    """With the classic method, adding an inflow or a body raises an error.
+
+    Regression: a tap opened, and the water ignored it.
+    """
+    show = Show(load_scene(write(tmp_path)), 1 / 60)
+    opening = Opening(np.array((0.2, 0.0, 0.2)), np.array((0.0, -1.0, 0.0)), (0.1, 0.1), False)
+    with pytest.raises(FullError, match="no inflows"):
+        show.simulation.add_opening(opening, DOWN)
+    with pytest.raises(FullError, match="no bodies"):
+        show.simulation.add_body(Ball(np.array((0.2, 0.3, 0.2)), 0.05, mass=0.1), DOWN)
+    show.close()
 
 
 def test_a_drain_after_a_reset_counts_its_water_once(player, show):
@@ -154,30 +179,6 @@ def test_a_resumed_tap_is_closed_and_replaced_at_the_next_press(player, show, tm
     assert show.simulation.added_openings != [tap]
 
 
-def test_a_wall_that_a_body_touches_does_not_move(tmp_path):
-    body = 'method = "projection"\n[[bodies]]\nlo = [0, 0, 0.1]\nhi = [0.1, 0.4, 0.3]\n'
-    text = body.join(TEXT.split("[classic]")[0].split('method = "classic"\n')) + WATER
-    show = Show(load_scene(write(tmp_path, text)), 1 / 60)
-    use = ToolUse.of("wave", (np.zeros(3),) * 5, 1 / 60, 1 / 60)
-    show.frame(Controls(use=use))
-    assert "no room" in show.note and show.simulation.piston is None
-    show.close()
-
-
-def test_the_classic_method_refuses_added_bodies_and_openings(tmp_path):
-    """With the classic method, adding an inflow or a body raises an error.
-
-    Regression: a tap opened, and the water ignored it.
-    """
-    show = Show(load_scene(write(tmp_path)), 1 / 60)
-    opening = Opening(np.array((0.2, 0.0, 0.2)), np.array((0.0, -1.0, 0.0)), (0.1, 0.1), False)
-    with pytest.raises(FullError, match="no inflows"):
-        show.simulation.add_opening(opening, DOWN)
-    with pytest.raises(FullError, match="no bodies"):
-        show.simulation.add_body(Ball(np.array((0.2, 0.3, 0.2)), 0.05, mass=0.1), DOWN)
-    show.close()
-
-
 def test_a_click_within_a_frame_pushes_the_water_down(player, show):
     frames(player, show, 2)
     player.window.at, player.window.pressed = wet_place(show), ["LMB"]
@@ -266,10 +267,8 @@ def test_no_water_is_added_while_paused(player, show):
 
 def test_a_drag_pushes_the_water_and_a_cursor_leaves_a_wake(player, show):
     frames(player, show, 2)
-    size = show.display.picture.width, show.display.picture.height
-    pixels = itertools.product(range(0, size[0], 4), range(0, size[1], 4))
-    wet = [pixel for pixel in pixels if show.display.pick(*pixel) is not None]
-    place = np.array(wet[len(wet) // 2]) / size
+    wet = wet_pixels(show)
+    place = np.array(wet[len(wet) // 2][0]) / show.display.picture.size
 
     def work_of(held):
         show.reset()

@@ -25,6 +25,7 @@ hi = [0.4, 0.1512, 0.4]
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize("seed", [1, 2])
 def test_random_input_loses_no_water(name, seed, tmp_path):

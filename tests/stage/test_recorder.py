@@ -315,7 +315,8 @@ def test_a_full_disk_gives_one_line_and_lost_files_are_not_listed(show, tmp_path
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends an interrupt")
 @pytest.mark.parametrize(
-    ("number", "name"), [(signal.SIGINT, "cut.mp4"), (signal.SIGTERM, "cut.gif")]
+    ("number", "name"),
+    [(signal.SIGINT, "cut.mp4"), pytest.param(signal.SIGTERM, "cut.gif", marks=pytest.mark.slow)],
 )
 def test_a_signal_leaves_a_playable_file(tmp_path, number, name):
     """A recording that SIGINT or SIGTERM ends leaves a file that plays.

@@ -33,6 +33,7 @@ print(len(kernels), nodes[0])
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(PLAIN, reason="plain Taichi does not tell of kernels")
 @pytest.mark.parametrize(
     ("scene", "kernels", "nodes"), [("pool", 85, 80_000), ("duck", 95, 205_000)]

@@ -11,6 +11,7 @@ from msph.stage.row import Row
 from msph.stage.show import Show
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("system", ["system-1", "system-2", "system-3"])
 def test_system_stays_finite_and_in_its_box_for_ten_seconds(system):
     """All particles stay in the box, and the ledger raises an error if values are not finite."""

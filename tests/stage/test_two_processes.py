@@ -147,6 +147,7 @@ def test_signals_of_a_terminal_are_left_to_the_window(remote):
     answered(row)
 
 
+@pytest.mark.slow
 def test_errors_of_a_scene_are_told_and_the_process_lives_on(tmp_path):
     good, bad = tmp_path / "good", tmp_path / "bad"
     good.mkdir(), bad.mkdir()
@@ -194,6 +195,7 @@ with built(sys.argv[1]) as (remote, row):
 """
 
 
+@pytest.mark.slow
 @on_linux
 def test_a_killed_window_ends_its_simulation(tmp_path):
     scene, before = write(tmp_path), shared()

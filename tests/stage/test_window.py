@@ -36,6 +36,7 @@ msph.cli.main()
 """
 
 
+@pytest.mark.slow
 @needs_x
 def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
     arguments = (write(tmp_path), "--size", f"{WIDTH}x{HEIGHT}")
@@ -102,6 +103,7 @@ def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
         process.kill()
 
 
+@pytest.mark.slow
 @needs_x
 def test_a_lesson_is_answered_and_done_with_keys_and_mouse(display, tmp_path):
     """Keys answer a question, the mouse completes a task, and the cache holds the progress."""
@@ -145,6 +147,7 @@ def test_a_lesson_without_a_display_suggests_a_web_page(no_display):
 def test_without_a_display_play_captures_instead(no_display, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(commands, "FALLBACK_SECONDS", 0.2)
+    monkeypatch.setattr(commands, "FALLBACK_SIZE", (WIDTH, HEIGHT))
     monkeypatch.setattr(commands, "STILL_TIME", 0.2)
     run = here("play", write(tmp_path), "--set", "picture.caustics=false")
     assert run.returncode == 0, run.stderr
@@ -152,4 +155,4 @@ def test_without_a_display_play_captures_instead(no_display, tmp_path, monkeypat
     video, still = tmp_path / "out" / "small.mp4", tmp_path / "out" / "small.png"
     assert "out/small.mp4" in run.stdout and "out/small.png" in run.stdout
     assert video.stat().st_size > 10_000
-    assert imageio.imread(still).shape == (720, 1280, 3)
+    assert imageio.imread(still).shape == (HEIGHT, WIDTH, 3)

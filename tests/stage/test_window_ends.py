@@ -26,6 +26,7 @@ from tests.stage.window_kit import (
 )
 
 
+@pytest.mark.slow
 @needs_x
 def test_a_killed_session_continues_at_the_next_start(display, tmp_path):
     arguments = (write(tmp_path), "--size", f"{WIDTH}x{HEIGHT}")
@@ -85,6 +86,7 @@ def test_input_at_a_window_is_recorded(display, tmp_path):
     assert max(abs(frame.input.tilt[0]) for frame in recording.frames) > 1e-3
 
 
+@pytest.mark.slow
 @needs_x
 @pytest.mark.parametrize("wait", [0.2, 0.8])
 def test_ctrl_c_ends_play_without_a_traceback(display, wait):
@@ -99,6 +101,7 @@ def test_ctrl_c_ends_play_without_a_traceback(display, wait):
     assert process.returncode in (-signal.SIGINT, 130) and "Traceback" not in said, said
 
 
+@pytest.mark.slow
 @needs_x
 def test_q_quits_while_kernels_are_compiled(display, tmp_path):
     size, uncached = ("--size", f"{WIDTH}x{HEIGHT}"), {"TI_OFFLINE_CACHE": "0"}
@@ -113,6 +116,7 @@ def test_q_quits_while_kernels_are_compiled(display, tmp_path):
         process.kill()
 
 
+@pytest.mark.slow
 @needs_x
 @pytest.mark.parametrize("lost", ["display", "window"])
 def test_a_lost_display_ends_play_with_one_line(tmp_path, lost):

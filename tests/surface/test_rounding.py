@@ -77,6 +77,7 @@ def test_vertices_on_walls_stay_and_none_leave_the_box(water, monkeypatch):
     assert len(on_floor) > 20 and away.max() < 1e-6
 
 
+@pytest.mark.slow
 def test_a_mesh_without_room_for_all_divided_edges_stays_as_it_is(water, monkeypatch):
     water.fill(pairs(4))
     rough = without_rounding(water, monkeypatch)

@@ -50,6 +50,7 @@ def test_drops_on_walls_are_round(water):
         assert drop.extents.std() < 0.03 * drop.extents.mean()
 
 
+@pytest.mark.slow
 def test_drops_that_exceed_the_room_are_reported():
     room = SurfaceRoom(vertices=100, triangles=300)
     small = Water(room=room)
