@@ -111,7 +111,7 @@ class Water(AbstractContextManager):
         self._begin()
 
     def _begin(self) -> None:
-        self._reader = Reader(self._show.simulation, [*self.bodies])
+        self._reader = Reader(self._show.simulation, [*self.bodies], self._show.snapshot)
         self._frame: Frame | None = None
         self._reader.probes = build_probes(self.scene)
         self._pushes = np.zeros((len(self.bodies), 6))  # [N, N m], in the next frame

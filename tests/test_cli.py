@@ -273,8 +273,9 @@ def test_measure_writes_probes_ledger_and_a_summary(tmp_path):
     assert list(readings[0]) == ["time_s", "floor_Pa", "gauge_m"]
     times = [float(row["time_s"]) for row in readings]
     assert times == pytest.approx([0.0, 0.02, 0.04, 0.06, 0.08, 0.1])
-    # No pressure is known before the first step; the water is 0.18 m deep.
-    assert readings[0]["floor_Pa"] == "" and float(readings[1]["floor_Pa"]) != 0.0
+    # The water is 0.18 m deep.
+    assert float(readings[0]["floor_Pa"]) == pytest.approx(9810 * 0.18, rel=0.03)
+    assert float(readings[1]["floor_Pa"]) != 0.0
     assert float(readings[0]["gauge_m"]) == pytest.approx(0.18, abs=0.01)
     assert [float(row["time_s"]) for row in ledger] == pytest.approx(times)
     assert float(ledger[0]["mass_kg"]) == pytest.approx(28.8, rel=0.02)

@@ -195,14 +195,15 @@ class Numbers:
     once per SURVEY_INTERVAL."""
 
     def __init__(self, show: Show):
+        show.simulation.record_forces()  # as `lift` needs in gaps between bodies and walls
         self._show = show
-        self._read: dict[str, tuple[float, float]] = {}  # time of measurement [s], and value
+        self._read: dict[str, tuple[float, Any]] = {}  # time of measurement [s], and value
         self._probes = {p.name: p for p in build_probes(show.scene) if len(p.heads) == 1}
 
     def __getattr__(self, name: str) -> float:
         if name in self._probes:
             probe = self._probes[name]
-            return self._cached(name, lambda show: probe.read(Snapshot.of(show.simulation))[0])
+            return self._cached(name, lambda _: probe.read(self._water())[0])
         quantity = QUANTITIES.get(name)
         if quantity is None:
             raise AttributeError(name)
@@ -210,7 +211,11 @@ class Numbers:
             self._show.ledger.record(self._show.gravity())
         return self._cached(name, quantity.read) if quantity.slow else quantity.read(self._show)
 
-    def _cached(self, name: str, read: Callable[[Show], float]) -> float:
+    def _water(self) -> Snapshot:
+        """Returns the water that the probes read."""
+        return self._cached("", lambda show: show.snapshot([*self._probes.values()]))
+
+    def _cached(self, name: str, read: Callable[[Show], Any]) -> Any:
         time = self._show.simulation.time
         known = self._read.get(name)
         if known is None or not 0.0 <= time - known[0] < SURVEY_INTERVAL:

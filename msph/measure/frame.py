@@ -1,5 +1,6 @@
 """Frame: a copy of the water, its bodies and the readings of its probes at one time."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -57,10 +58,14 @@ class Frame:
 
 
 class Reader:
-    """Reads frames of a simulation from a time on. names: of its bodies; probes: to read."""
+    """Reads frames of a simulation from a time on. names: of its bodies; snapshot: returns the
+    water as probes read it; probes: to read."""
 
-    def __init__(self, simulation: Simulation, names: list[str]):
-        self.simulation, self.names, self.probes = simulation, names, list[Probe]()
+    def __init__(
+        self, simulation: Simulation, names: list[str], snapshot: Callable[[list[Probe]], Snapshot]
+    ):
+        self.simulation, self.names, self.snapshot = simulation, names, snapshot
+        self.probes = list[Probe]()
         self._table = BodyTable(simulation)
 
     def read(self, entry: Entry) -> Frame:
@@ -71,7 +76,7 @@ class Reader:
         spacing = np.array([s.spacing for s in sim.layers.specs])[layer]
         rows = self._table.numbers(sim.time).reshape(-1, len(QUANTITIES), 3)
         bodies = dict(zip(self.names, (BodyState(*row) for row in rows), strict=True))
-        water = Snapshot.of(sim) if self.probes else None
+        water = self.snapshot(self.probes) if self.probes else None
         found = {probe.name: probe.read(water) for probe in self.probes if water}
         probes = {k: n[0] if len(n) == 1 else np.array(n) for k, n in found.items()}
         return Frame(sim.time, Particles(x, v, pressure, layer, spacing), bodies, probes, entry)

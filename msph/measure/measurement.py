@@ -10,7 +10,6 @@ from msph.measure import account, body_table, entry, past, summary
 from msph.measure.body_table import BodyTable
 from msph.measure.entry import Entry
 from msph.measure.probes import build_probes
-from msph.measure.snapshot import Snapshot
 from msph.measure.survey import COLUMNS, Survey, survey
 from msph.measure.table import ROUNDING, Table
 from msph.own_files import replacing, written
@@ -118,7 +117,7 @@ class Measurement:
         """Writes a row of each table from the ledger's last entry and the current state."""
         last = show.ledger.entries[-1]
         due = self.gap and (self.done % self.gap == 0 or self.done == self.frames)
-        water = Snapshot.of(show.simulation) if due or self.probes else None
+        water = show.snapshot(self.probes) if due or self.probes else None
         row = last.row()
         if water and due:
             volume = show.volume()

@@ -1,7 +1,7 @@
 """Probes at points, columns, fronts, faces and bodies, which read a Snapshot of the water.
 
 A reading is NaN, an empty cell of the table, where there is no water: in air, inside a body, over a
-dry floor; pressures are NaN before the first step.
+dry floor.
 """
 
 from abc import ABC, abstractmethod
@@ -28,9 +28,11 @@ AXES = {"x": 0, "y": 1, "z": 2}
 
 
 class Probe(ABC):
-    """A named probe. HEADS: "name [unit]" of each number read, with {} for the probe's name."""
+    """A named probe. HEADS: "name [unit]" of each number read, with {} for the probe's name.
+    PRESSURE: True if it reads pressures."""
 
     HEADS: ClassVar[tuple[str, ...]]
+    PRESSURE: ClassVar[bool] = False
     name: str
 
     @property
@@ -56,7 +58,7 @@ class PressureProbe(Probe):
     as zero.
     """
 
-    HEADS = ("{} [Pa]",)
+    HEADS, PRESSURE = ("{} [Pa]",), True
     name: str
     lo: tuple[float, float, float]
     hi: tuple[float, float, float] | None = None
@@ -188,6 +190,7 @@ class ForceProbe(Probe):
         *("{}_force_x [N]", "{}_force_y [N]", "{}_force_z [N]"),
         *("{}_torque_x [N m]", "{}_torque_y [N m]", "{}_torque_z [N m]"),
     )
+    PRESSURE = True
     name: str
     body: int
     centre: np.ndarray

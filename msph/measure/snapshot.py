@@ -4,7 +4,7 @@ A probe reads only the particles near it, without a kernel or a device field of 
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -117,17 +117,27 @@ class Snapshot:
         at dry points: for sums over faces."""
         values = getattr(self, name)
         wet, found = np.zeros(len(points)), np.zeros((len(points), *values.shape[1:]))
-        for first in range(0, len(points), CHUNK):
-            some = points[first : first + CHUNK]
-            around = self.near(some.min(axis=0), some.max(axis=0))
-            # Near bodies about half of the kernel is empty, so a wider kernel is used.
-            widen = FIT_RADIUS if self.bodies else 1.0
-            c = around.coverage(some, np.ones(len(around.x), bool), widen)
+        # Near bodies about half of the kernel is empty, so a wider kernel is used.
+        for first, around, c in self._chunks(points, FIT_RADIUS if self.bodies else 1.0):
             share = (c - DRY_COVERAGE) / (WET_COVERAGE - DRY_COVERAGE)
             wet[first : first + CHUNK] = np.clip(share, 0.0, 1.0)
             for k in np.flatnonzero(c > DRY_COVERAGE):
-                found[first + k] = around._plane(some[k], getattr(around, name))
+                found[first + k] = around._plane(points[first + k], getattr(around, name))
         return wet, found
+
+    def coverages(self, points: np.ndarray) -> np.ndarray:
+        """Returns the coverage (p,) of points (p, 3) [m] by all particles; see coverage()."""
+        return np.concatenate([c for _, _, c in self._chunks(points, 1.0)])
+
+    def _chunks(
+        self, points: np.ndarray, widen: float
+    ) -> Iterator[tuple[int, "Snapshot", np.ndarray]]:
+        """Yields, for CHUNK points after another, the index of the first, the particles near them,
+        and their coverage."""
+        for first in range(0, len(points), CHUNK):
+            some = points[first : first + CHUNK]
+            around = self.near(some.min(axis=0), some.max(axis=0))
+            yield first, around, around.coverage(some, np.ones(len(around.x), bool), widen)
 
     def pressures(self, points: np.ndarray) -> np.ndarray:
         """Returns the pressures (p,) [Pa] at points (p, 3) [m]; NaN in air, inside bodies and

@@ -15,7 +15,7 @@ from msph.measure.timings import Timings
 from msph.scene.check import cautions
 from msph.scene.effort import effort
 from msph.scene.schema import Scene
-from msph.stage.row import KEPT_FRAMES, Row, width_of_each
+from msph.stage.row import KEPT_FRAMES, Row, strip_height, width_of_each
 from msph.stage.show import INTERACTIVE, Show
 
 # The default lock is a semaphore of the system, which a killed process would leave behind.
@@ -34,11 +34,13 @@ def say(text: str) -> None:
     tqdm.write(text, file=sys.stderr)
 
 
-def prepare(scene: Scene, frame_time: float, *more, **options) -> Show:
-    """Builds a show; see built()."""
-    begin = time.perf_counter()
-    show = built(scene, frame_time, *more, **options)
-    say(f"ready in {time.perf_counter() - begin:.1f} s, {described(show)}")
+def prepare(
+    scene: Scene, frame_time: float, *more, since: float | None = None, **options
+) -> Show:
+    """Builds a show; see built(). since: start of the preparation of several shows [s]."""
+    since = since or time.perf_counter()
+    show = built(scene, frame_time, *more, since=since, **options)
+    say(f"ready in {time.perf_counter() - since:.1f} s, {described(show)}")
     return show
 
 
@@ -48,6 +50,7 @@ def built(
     size: tuple[int, int] | None = None,
     report: Report | None = None,
     whole: bool = False,
+    since: float | None = None,
     **options,
 ) -> Show:
     """Builds a show with its options, and compiles its kernels; without `whole`, some of them in
@@ -56,7 +59,7 @@ def built(
         report("building the scene", important=True)
     for caution in (*cautions(scene), *effort(scene)):
         say(f"warning: {caution}")
-    with compiling(report):
+    with compiling(report, since):
         show = Show(scene, frame_time, size, **options)
         show.warm_up(first_image=not whole)
     return show
@@ -78,25 +81,26 @@ def prepare_row(
     report: Report | None = None,
     below: int = 0,
 ) -> Row:
-    """Builds a row of interactive simulations with their labels, in an image of size (width,
-    height) [pixels] with `below` free pixels at the lower edge."""
+    """Builds a row of interactive simulations with their labels below them, in an image of size
+    (width, height) [pixels] with `below` free pixels at the lower edge."""
     single = len(scenes) == 1 and not below
-    each = size
+    each, strip = size, strip_height(size[1]) if size and any(labels) else 0
     if size and not single:
-        each = width_of_each(len(scenes), size[0]), size[1] - below
-    keep = 1 if single else KEPT_FRAMES
+        each = width_of_each(len(scenes), size[0]), size[1] - below - strip
+    keep, since = 1 if single else KEPT_FRAMES, time.perf_counter()
     shows = [
         prepare(
             scene,
             1.0 / scene.play.fps,
             each,
             report=named(report, place(label, k, len(scenes))),
+            since=since,
             timings=Timings(keep=keep),
             **INTERACTIVE,
         )
         for k, (scene, label) in enumerate(zip(scenes, labels, strict=True))
     ]
-    return Row(shows) if single else Row(shows, labels, size, below)
+    return Row(shows) if single else Row(shows, labels, size, below, strip)
 
 
 def place(label: str, k: int, number: int) -> str:
@@ -122,10 +126,10 @@ def mass_text(water: dict[str, float]) -> str:
 
 
 @contextlib.contextmanager
-def compiling(report: Report | None) -> Iterator[None]:
-    """Context that reports each kernel compiled in it and the elapsed time, on the terminal if
-    there is no `report`."""
-    since = time.perf_counter()
+def compiling(report: Report | None, since: float | None = None) -> Iterator[None]:
+    """Context that reports each kernel compiled in it and the time since `since` [s], its start by
+    default, on the terminal if there is no `report`."""
+    begin = since or time.perf_counter()
     # disable=None: only on terminals.
     line = tqdm(
         bar_format="compiling {postfix} ({elapsed})",
@@ -137,7 +141,7 @@ def compiling(report: Report | None) -> Iterator[None]:
     def next_kernel(name: str) -> None:
         line.set_postfix_str(name)
         if report:
-            report(f"compiling {name}, {time.perf_counter() - since:.1f} s")
+            report(f"compiling {name}, {time.perf_counter() - begin:.1f} s")
 
     with line, watch_compiling(next_kernel):
         yield

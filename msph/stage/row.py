@@ -19,9 +19,9 @@ from msph.stage.sheet import FAINT, INK, text_height
 
 # Gap between two images [pixels], and its colour.
 GAP, GROUND = 2, (0.04, 0.08, 0.12)
-# Largest height of a label and its distance from the top, below the status line [text heights];
-# frames between two updates of a label.
-LABEL_HEIGHT, TOP, EVERY = 5.0, 2.6, 40
+# Largest height of a label, and the distance of labels over images from the top, below the status
+# line [text heights]; frames between two updates of a label.
+LABEL_HEIGHT, TOP, EVERY = 4.6, 2.6, 40
 # Number of frames for the median time on a label.
 KEPT_FRAMES = 60
 # Time [s] for which a window waits for its simulations before it shows the last image again.
@@ -35,13 +35,19 @@ def width_of_each(number: int, width: int) -> int:
     return (width - GAP * (number - 1)) // number
 
 
+def strip_height(height: int) -> int:
+    """Returns the height of labels below the images of a row of `height`, both in pixels."""
+    return round(LABEL_HEIGHT * pages.text_height(height))
+
+
 @data_oriented
 class Row:
     """Simulations side by side in one image; the user controls the first, `lead`.
 
     shows: with images of width_of_each() pixels, or without images. labels: names, displayed with
     speed and error; "" for no label. size (width, height) [pixels] of the common image, with
-    `below` free pixels at the lower edge; None for a single show's image, or no image.
+    `below` free pixels at the lower edge and above them `strip` pixels for the labels, 0 for labels
+    over the images; None for a single show's image, or no image.
     """
 
     def __init__(
@@ -50,8 +56,10 @@ class Row:
         labels: list[str] | None = None,
         size: tuple[int, int] | None = None,
         below: int = 0,
+        strip: int = 0,
     ):
         self.shows, self.labels, self.below = shows, labels or [""] * len(shows), below
+        self.low = below + strip  # lower edge of the images [pixels]
         self.updates = 0
         # Initial camera distance of each show [m], at which the whole box is visible.
         self.homes = [show.display.camera.distance if show.size else 1.0 for show in shows]
@@ -65,7 +73,9 @@ class Row:
         """Allocates the common image and its labels."""
         self.size, self.common = size, Image(ti.Vector.field(3, ti.f32, size), *size)
         self.text = text_height(size[1])
-        room = self.lead.display.picture.width, round(LABEL_HEIGHT * self.text)
+        room = self.lead.display.picture.width, strip_height(size[1])
+        over = self.low == self.below
+        self.label_top = round(TOP * self.text) if over else size[1] - self.low
         self.names = [f"simulation {k}" for k in range(len(self.shows))]
         self.overlay = Overlay(*size, dict.fromkeys(self.names, room))
 
@@ -153,7 +163,7 @@ class Row:
         self.common.field.fill(GROUND)
         for k, show in enumerate(self.shows):
             picture, left = show.display.picture, k * (show.display.picture.width + GAP)
-            self._put(left, self.below, *picture.size, picture.image.field)
+            self._put(left, self.low, *picture.size, picture.image.field)
         if any(self.labels):
             if self.updates % EVERY == 0:
                 for k, show in enumerate(self.shows):
@@ -166,7 +176,7 @@ class Row:
         texts = [(self.labels[k], INK), *((t, FAINT) for t in speed_and_error(show))]
         page = lines(texts, self.text).pixels
         left = k * (show.display.picture.width + GAP)
-        self.overlay.put(self.names[k], page, left, round(TOP * self.text))
+        self.overlay.put(self.names[k], page, left, self.label_top)
 
     @kernel
     def _put(self, left: ti.i32, low: ti.i32, width: ti.i32, height: ti.i32, field: ti.template()):
@@ -184,7 +194,7 @@ class Row:
     def to_picture(self, show: Any, cursor: np.ndarray) -> np.ndarray:
         """Converts a cursor from shares of the window to shares of a show's image."""
         left = self.shows.index(show) * (show.display.picture.width + GAP)
-        pixels = cursor * self.size - (left, self.below)
+        pixels = cursor * self.size - (left, self.low)
         return pixels / (show.display.picture.width, show.display.picture.height)
 
     def to_window(self, show: Any, shares: np.ndarray) -> np.ndarray:
@@ -192,7 +202,7 @@ class Row:
         left = self.shows.index(show) * (show.display.picture.width + GAP)
         pixels = shares * (show.display.picture.width, show.display.picture.height) + (
             left,
-            self.below,
+            self.low,
         )
         return pixels / self.size
 

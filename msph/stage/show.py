@@ -15,8 +15,10 @@ from msph.fluid.boundary.rim import AllSpiltError
 from msph.fluid.moving_box import MovingBox
 from msph.fluid.stages import Stage, no_stage
 from msph.measure.bulk import bulk_density
+from msph.measure.first_pressure import with_first_pressures
 from msph.measure.ledger import Ledger
 from msph.measure.past import read_state
+from msph.measure.probes import Probe
 from msph.measure.snapshot import Snapshot
 from msph.measure.timings import Timings
 from msph.own_files import replacing
@@ -316,6 +318,16 @@ class Show(ShownScene):
     def extracted(self) -> SurfaceMesh:
         self.take()
         return super().extracted()
+
+    def snapshot(self, probes: list[Probe]) -> Snapshot:
+        """Returns the water as probes read it; before the first step with the pressures of water
+        that starts from rest."""
+        water, box = Snapshot.of(self.simulation), self._box()
+        if water.pressure is not None or not any(probe.PRESSURE for probe in probes):
+            return water
+        external = box.at(box.start, self.frame_time)
+        centre = 0.5 * np.array(self.simulation.size)
+        return with_first_pressures(water, self.scene.density, external, centre)
 
     def water_volume(self) -> float:
         """Returns the volume of the water at rest density [m^3], without water in pipes of

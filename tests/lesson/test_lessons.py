@@ -15,6 +15,9 @@ from msph.lesson.quantities import QUANTITIES, Numbers
 from msph.lesson.schema import LINES, WORDS
 from msph.lesson.student import Student
 from msph.scene.library import assets
+from msph.scene.load import load_scene
+from msph.stage.controls import Controls
+from msph.stage.show import Show
 from tests.lesson.lesson_kit import BOARDS, LESSONS, prepared, written
 from tests.tiers import slow_but
 
@@ -151,3 +154,16 @@ def test_a_solution_ends_at_the_values_that_its_text_names():
     assert student.work()
     for name, value in course.lesson.do[0].solution.set.items():
         assert progress.values[name] == pytest.approx(value)
+
+
+def test_lift_holds_in_a_gap_too_narrow_for_particles():
+    """Regression: pressures in the gap between a held ball and the floor were not counted."""
+    ball = {"centre": (0.3, 0.101, 0.3), "radius": 0.1}
+    scene = load_scene(str(assets() / "lessons" / "floating" / "tank.toml"), {"bodies": [ball]})
+    show = Show(scene, 1.0 / 60.0)
+    numbers = Numbers(show)
+    for _ in range(60):
+        show.frame(Controls())
+    # 0.86 of the displaced weight without the gap, 0.96 with it.
+    assert numbers.lift == pytest.approx(9810.0 * 4.0 / 3.0 * math.pi * 0.1**3, rel=0.09)
+    show.close()
