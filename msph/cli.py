@@ -14,7 +14,7 @@ import click
 from click.core import ParameterSource
 
 import msph
-from msph import cache_folder, own_files
+from msph import cache_folder, device, own_files
 from msph.device import ARCHES
 from msph.ending import exit_on_error
 from msph.errors import BadInputError
@@ -233,7 +233,14 @@ def play(scene, run, **options):
 @shared_options()
 def capture(scene, run, **options):
     """Record SCENE headless: video, images, meshes, particles, bodies."""
-    commands().capture(scene, CaptureOptions(**options), run)
+    with importing():
+        from msph.stage.process import simulations
+    given = CaptureOptions(**options)
+    # Simulation and images compile and run at the same time. Files of data need the simulation, and
+    # a program that runs Taichi has compiled kernels.
+    both = not (given.data or device.started())
+    with simulations(run.arch, run.threads, both) as process:
+        commands().capture(scene, given, run, process)
 
 
 @cli.command()

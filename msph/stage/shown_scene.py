@@ -17,14 +17,15 @@ class ShownScene:
     parameters, of which a viscosity set to 0 remains one. now: numbers of the last frame; state:
     what is drawn, by `display`. note: message to the user about the last frame. busy: True while
     the simulation has not answered the last input; parallel: it runs while images are drawn; new:
-    the last frame drew a new state; fresh: a new state has not been drawn.
+    the last frame drew a new state; fresh: a new state has not been drawn; ended: all frames that
+    were ordered have been drawn.
     """
 
     state: State
     display: Any
     now: Moment
     # A simulation of this process has always answered.
-    busy = parallel = False
+    busy = parallel = ended = False
     fresh = new = True
 
     def __init__(self, scene: Scene):
