@@ -201,7 +201,6 @@ class RemoteShow(ShownScene):
         self.display.reset()
         self.arrays: Any = None
         self.simulated, self.fresh, self.new = 0.0, False, False
-        self.later: list[Callable[[], Any]] = []
         self.reported: dict[str, float] = {}
         self.asked: dict[str, Any] = {}  # keep and reopen of the next Command
         # Called by the frame loop after steps, which are not seen here.
@@ -261,8 +260,8 @@ class RemoteShow(ShownScene):
             self.remote.give(Command(controls, wanted, **self.asked))
             self.asked = {}
         self.new, self.fresh = self.fresh, False
-        if self.later and self.new:
-            self.later.pop(0)()
+        if self.new:
+            self.compile_later()
         if self.new or self.interactive:
             display.frame(controls, self.new)
         self.timings.close_frame()

@@ -104,7 +104,6 @@ class Show(ShownScene):
         self.counts = self.simulation.counts()
         self.ledger = Ledger(self.simulation, density_every)
         self.frames = self.resets = 0
-        self.later: list[Callable[[], Any]] = []  # compile kernels in later frames
         self.pose = Pose(scene)
         self.rng = np.random.default_rng(scene.seed)  # of drops that the user adds
         self.now = Moment()
@@ -182,8 +181,8 @@ class Show(ShownScene):
             self.reset()
         if controls.next_view and self.size:
             self.display.views.next()
-        if self.later and self.frames:
-            self.later.pop(0)()
+        if self.frames:
+            self.compile_later()
         external, self.simulated = self._moving_box(controls), 0.0
         if not controls.still:
             with self._stage("fluid"):

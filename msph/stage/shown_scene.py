@@ -1,8 +1,10 @@
 """What a window reads of a simulation, which runs in this process or in another one."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
+from msph.launches import run_in_steps
 from msph.scene.live import live_parameters, read, with_live_value
 from msph.scene.parts import value_of, with_value
 from msph.scene.schema import Scene
@@ -31,7 +33,14 @@ class ShownScene:
     def __init__(self, scene: Scene):
         self.scene = self.initial = scene
         self.live = {live.key for live in live_parameters(scene)}
+        self.later: list[Callable[[], Any]] = []  # compile kernels in later frames
         self.note = ""
+
+    def compile_later(self) -> None:
+        """Compiles a part of a kernel that the first frames do not need, in a frame that is drawn
+        afterwards."""
+        if self.later and run_in_steps(self.later[0]):
+            self.later.pop(0)
 
     @property
     def draws(self) -> bool:
