@@ -13,7 +13,7 @@ from typing import Any
 import click
 from click.core import ParameterSource
 
-from msph import cache_folder, own_files
+from msph import cache_folder, device, own_files
 from msph.constants import VERSION
 from msph.device import ARCHES
 from msph.ending import exit_on_error
@@ -233,7 +233,14 @@ def play(scene, run, **options):
 @shared_options()
 def capture(scene, run, **options):
     """Record SCENE headless: video, images, meshes, particles, bodies."""
-    commands().capture(scene, CaptureOptions(**options), run)
+    with importing():
+        from msph.stage.process import simulations
+    given = CaptureOptions(**options)
+    # Simulation and images compile and run at the same time. Files of data need the simulation, and
+    # a program that runs Taichi has compiled kernels.
+    both = not (given.data or device.started())
+    with simulations(run.arch, run.threads, both) as process:
+        commands().capture(scene, given, run, process)
 
 
 @cli.command()

@@ -37,6 +37,11 @@ class ArchError(BadInputError):
 _started: str | None = None
 
 
+def started() -> bool:
+    """Returns True if Taichi runs in this process."""
+    return _started is not None
+
+
 def start(arch: str = "auto", threads: int | None = None, tested: bool = False) -> str:
     """Starts Taichi once and returns the name of the architecture it runs on. Raises ArchError.
 

@@ -3,6 +3,7 @@
 import contextlib
 import os
 import signal
+import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator
@@ -30,7 +31,10 @@ def raise_interrupt(number: int, _) -> None:
 
 
 def end_at_once(number: int, _) -> None:
-    """Signal handler: ends the process with one line."""
+    """Signal handler: ends the process, and those that it has started, with one line."""
+    if processes := sys.modules.get("multiprocessing"):
+        for process in processes.active_children():
+            process.kill()
     os.write(2, b"msph: interrupted\n")
     os._exit(SIGNAL_EXIT + number)
 

@@ -100,6 +100,9 @@ _traits = Traits()
 _serial = False
 # Elapsed time [s] spent on compiling kernels.
 _compiling = 0.0
+# True in run_in_steps(); kernels that it compiled, but has not launched.
+_in_steps = False
+_unlaunched: set[Any] = set()
 
 
 @contextlib.contextmanager
@@ -156,6 +159,25 @@ def compile_time() -> float:
     """Returns the elapsed time [s] that this process has spent on compiling kernels; 0 with plain
     Taichi."""
     return _compiling
+
+
+class NotCompiledError(Exception):
+    """Ends a function that run_in_steps() calls, since a kernel had to be compiled."""
+
+
+def run_in_steps(function: Callable[[], Any]) -> bool:
+    """Calls a function up to the first kernel that must be compiled, compiles it, or generates its
+    machine code and launches it, and returns False; returns True if the function has ended. The
+    function must have the same effect if it begins again. With plain Taichi, it always ends."""
+    global _in_steps
+    _in_steps = True
+    try:
+        function()
+        return True
+    except NotCompiledError:
+        return False
+    finally:
+        _in_steps = False
 
 
 @contextlib.contextmanager
@@ -266,6 +288,12 @@ class _Launcher:
             began = perf_counter()
             ready = self._compile(few, args)
             self.ready.update({(like, key): ready for like in self.traits.like()})
+            if _in_steps:
+                _unlaunched.add(ready[0])
+                _end_step(began)
+        elif _unlaunched and ready[0] in _unlaunched:
+            _unlaunched.remove(ready[0])
+            began = perf_counter()
         compiled, fresh, program = ready
         context = fresh()
         for place, number_slot, setter in self.numbers:
@@ -282,8 +310,7 @@ class _Launcher:
         program.launch_kernel(compiled, context)
         if began:
             # The first launch generates the machine code.
-            global _compiling
-            _compiling += perf_counter() - began
+            _end_step(began)
         if self.getter:
             program.synchronize()
             get = getattr(context, self.getter)
@@ -311,6 +338,14 @@ class _Launcher:
         with _compiler_options(program.config(), options) as config:
             compiled = program.compile_kernel(config, program.get_device_caps(), found)
         return compiled, found.make_launch_context, program
+
+
+def _end_step(began: float) -> None:
+    """Counts the time since `began` [s] as time of compiling, and ends a step."""
+    global _compiling
+    _compiling += perf_counter() - began
+    if _in_steps:
+        raise NotCompiledError
 
 
 @contextlib.contextmanager

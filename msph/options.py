@@ -60,6 +60,11 @@ class CaptureOptions:
     record_input: Path | None = None
     replay: Path | None = None
 
+    @property
+    def data(self) -> tuple[Path, ...]:
+        """Files of surfaces, particles and bodies."""
+        return *self.meshes, *self.particles, *self.bodies, *self.droplets, *self.usd
+
 
 @dataclass(frozen=True)
 class BenchOptions:

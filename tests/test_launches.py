@@ -24,7 +24,9 @@ from msph.launches import (
     data_oriented,
     heavy_kernel,
     kernel,
+    run_in_steps,
     use_traits,
+    watch_compiling,
 )
 from msph.taichi_internals import (
     EQUAL_PARTS,
@@ -202,6 +204,24 @@ def test_later_launches_skip_taichis_python(pair, monkeypatch) -> None:
     monkeypatch.setattr(Kernel, "ensure_compiled", refuse)
     assert one.total(SIZE) == first
     assert list(one.ends(3)) == list(ends) == [1.5, 3.5]
+
+
+@fast_only
+def test_a_step_compiles_or_launches_one_new_kernel() -> None:
+    """Regression: the window stood still while a function compiled several kernels in one frame."""
+    one, compiled, done = Scaled(2.0), [], []
+
+    def double_and_sum():
+        one.fill(SIZE, one.one, False, 1.0)
+        one.double(SIZE)
+        done.append(one.total(SIZE))
+
+    with watch_compiling(compiled.append):
+        numbers = []
+        while not run_in_steps(double_and_sum):
+            numbers.append(len(compiled))
+    assert numbers == [1, 1, 2, 2, 3, 3] and done == [2.0 * SIZE]
+    assert one.total(SIZE) == done[0]
 
 
 def test_wrong_arguments_are_refused(pair) -> None:

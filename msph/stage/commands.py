@@ -1,5 +1,6 @@
 """The commands `capture`, `bench` and `scenes`."""
 
+import contextlib
 import json
 import math
 import sys
@@ -36,14 +37,15 @@ from msph.stage.benchmark import SIZE as BENCH_SIZE
 from msph.stage.benchmark import PlayResult, Result, benchmark, benchmark_play, profile_lines
 from msph.stage.called import Choice, SceneArguments
 from msph.stage.explain import explain
-from msph.stage.link import Order
-from msph.stage.loaded import Loaded, at, exclude, options_of, smooth, with_input
+from msph.stage.link import Files, Order
+from msph.stage.loaded import Loaded, at, exclude, options_of, smooth
 from msph.stage.loop import run as run_loop
-from msph.stage.preparation import prepare, say
-from msph.stage.recorder import Recorder
+from msph.stage.preparation import prepare_row, say
+from msph.stage.process import Started
+from msph.stage.recorder import ROUNDING, Recorder
 from msph.stage.recording import Header, Recording, with_recording
-from msph.stage.replaying import ROUNDING, InputRecorder
-from msph.stage.row import Row
+from msph.stage.remote import Remote
+from msph.stage.simulating import with_files
 from msph.stage.trial import SIZE as PLAY_SIZE
 
 # Capture by `play` if no window can be opened: duration [s], frames per second, size [pixels] and
@@ -60,8 +62,11 @@ MAX_FRAMES = 1_000_000
 BAD_RUN = 1
 
 
-def capture_instead(scene: str, options: PlayOptions, run: RunOptions, reason: str) -> None:
-    """Captures a video and an image of a scene if no window can be opened for `reason`."""
+def capture_instead(
+    scene: str, options: PlayOptions, run: RunOptions, reason: str, process: Started | None
+) -> None:
+    """Captures a video and an image of a scene if no window can be opened for `reason`; process:
+    see record()."""
     if options.beside:
         say("--beside needs a window: only the first simulation is captured")
     seconds = None if options.replay else FALLBACK_SECONDS
@@ -77,27 +82,30 @@ def capture_instead(scene: str, options: PlayOptions, run: RunOptions, reason: s
         record_input=options.record_input,
         replay=options.replay,
     )
-    capture(None if options.replay else scene, instead, run)
+    capture(None if options.replay else scene, instead, run, process)
     if not options.replay:
         say(NEXT)
 
 
-def capture(scene: str | None, options: CaptureOptions, run: RunOptions) -> None:
-    """Records a scene to files."""
+def capture(
+    scene: str | None, options: CaptureOptions, run: RunOptions, process: Started | None
+) -> None:
+    """Records a scene to files; process: see record()."""
     scene, run, recording = with_recording(scene, run, options.replay)
     exclude("--replay", recording, "--resume", options.resume)
     loaded = smooth(load_scene(scene, run.overrides))
-    written = options.meshes, options.particles, options.bodies, options.droplets, options.usd
-    meshes, particles, bodies, droplets, usd = map(list, written)
-    some = options.outputs or any(written)
     video = ".webm" if loaded.picture.alpha else ".mp4"
-    pictures = list(options.outputs if some else [default_output(scene, video)])
-    files = Outputs(pictures, meshes, particles, bodies, droplets, usd, options.mesh_layer)
+    some = options.outputs or options.data
+    pictures = options.outputs if some else [default_output(scene, video)]
+    kinds = "meshes", "particles", "bodies", "droplets", "usd"
+    data = {kind: list(getattr(options, kind)) for kind in kinds}
+    files = Outputs(list(pictures), **data, mesh_layer=options.mesh_layer)
     check_outputs(files, options.fps, loaded.picture.alpha, bool(recording or names(loaded)))
     since = time_of(Path(options.resume)) if options.resume else 0.0
     first, seconds = round(since * options.fps), options.seconds or loaded.duration
     total = round(seconds * options.fps)
     if recording:
+        recording = recording.cut(options.seconds)
         seconds = min(recording.duration, options.seconds or math.inf)
         # All recorded frames run, also those after the last image that is due.
         total = math.ceil(seconds * options.fps - ROUNDING)
@@ -112,7 +120,7 @@ def capture(scene: str | None, options: CaptureOptions, run: RunOptions) -> None
     check_files(paths, inputs)
     # Until it is written, only the first frame of a sequence has a file.
     claim(files.names(first, 1), options.force, later=paths)
-    record(at(loaded, scene, run), files, options, recording, first, frames)
+    record(at(loaded, scene, run), files, options, recording, first, frames, process)
 
 
 def bench(scenes: tuple[str, ...], options: BenchOptions, run: RunOptions) -> None:
@@ -215,8 +223,10 @@ def record(
     recording: Recording | None,
     first: int,
     frames: int,
+    process: Started | None,
 ) -> None:
-    """Records a scene to files; after an interrupt the files are complete up to that frame."""
+    """Records a scene to files; after an interrupt the files are complete up to that frame. The
+    simulation runs in `process`, or in this one."""
     size = options.size if files.pictures else None
     # Exported data are states of the solver at the times of frames, or at those of a session.
     how = {"free_steps": not files.data, **options_of(recording, options.resume)}
@@ -226,31 +236,41 @@ def record(
     if not same:
         check_files([scene_path], inputs_of(loaded.name, options))
         claim([scene_path], options.force)
-    how |= {"meshes": files.surface, "density_every": math.inf}
-    show = prepare(loaded.scene, 1.0 / fps, size, **how)
-    show.display.sprayed = files.sprayed
-    if options.resume:
-        show.resume(Path(options.resume))
+    order = Order(
+        [loaded.scene],
+        [""],
+        Choice(loaded.name, loaded.quality),
+        SceneArguments(loaded.name, loaded.overrides),
+        Files(
+            record=options.record_input,
+            header=Header.of(loaded.name, loaded.quality, loaded.overrides),
+            replay=recording,
+            resume=Path(options.resume) if options.resume else None,
+        ),
+        options={**how, "meshes": files.surface, "density_every": math.inf},
+        frame_time=1.0 / fps,
+        frames=len(recording.frames) if recording else frames,
+    )
     still = None if options.still_time is None else max(1, round(options.still_time * fps))
-    aspect = options.size[0] / options.size[1]
-    recorder = Recorder(files, frames, fps, still, first=first, aspect=aspect)
-    audience = with_input(recorder, recording, every=1.0 / fps)
-    if options.record_input:
-        header = Header.of(loaded.name, loaded.quality, loaded.overrides)
-        audience = InputRecorder(audience, options.record_input, header)
-    if not same:
-        replace(scene_path, text)
-    try:
-        run_loop(Row([show]), audience)
-    except KeyboardInterrupt:
-        say(f"stopped after {recorder.done} frames")
-        raise
-    finally:
-        for warning in show.warnings():
-            say(f"warning: {warning}")
-        for path in [*recorder.kept(), scene_path]:
-            click.echo(path)
-        show.close()
+    with Remote(*process) if process else contextlib.nullcontext() as remote:
+        row = remote.row(order, options.size) if remote else prepare_row(**order.shows, size=size)
+        recorder = Recorder(files, frames, fps, still, first=first, sampled=recording is not None)
+        recorder.aspect = options.size[0] / options.size[1]
+        audience = recorder if remote else with_files(recorder, row, order)
+        row.lead.display.sprayed = files.sprayed
+        if not same:
+            replace(scene_path, text)
+        try:
+            run_loop(row, audience)
+        except KeyboardInterrupt:
+            say(f"stopped after {recorder.done} frames")
+            raise
+        finally:
+            for warning in row.lead.warnings():
+                say(f"warning: {warning}")
+            for path in [*recorder.kept(), scene_path]:
+                click.echo(path)
+            row.close()
 
 
 def default_output(scene: str, suffix: str) -> Path:

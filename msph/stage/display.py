@@ -143,10 +143,12 @@ class Display:
     def _draw_next_view(self) -> None:
         """Draws the next view, over which the next image is drawn."""
         name, wanted = self.views.name, self.state.wanted
-        self.views.next()
-        self.state.wanted = self.views.wanted
-        self.draw()
-        self.views.name, self.state.wanted = name, wanted
+        try:
+            self.views.next()
+            self.state.wanted = self.views.wanted
+            self.draw()
+        finally:
+            self.views.name, self.state.wanted = name, wanted
 
     def reset(self) -> None:
         """Removes spray, whitewater, ripples and wetness; the camera stays."""

@@ -1,7 +1,7 @@
 """Messages between the process of a window and the process of its simulations.
 
 Window to simulations: an Order for the scenes to run, then a Command for each frame, and END; None
-ends the process. Simulations to window: Progress, Ready, an Answer to each Command, and Failed,
+ends the process. Simulations to window: Doing, Ready, an Answer to each Command, and Failed,
 each with the serial number of its order (0: of no order), so that those of an earlier one are
 ignored. The next Command is sent once the last one is answered, before its image is drawn, so that
 both processes work at the same time; the arrays of an Answer stay valid until the next Answer.
@@ -9,11 +9,13 @@ both processes work at the same time; the arrays of an Answer stay valid until t
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from msph.scene.schema import Scene
 from msph.stage.called import Choice, SceneArguments
 from msph.stage.controls import Controls
 from msph.stage.recording import Header, Recording
+from msph.stage.show import INTERACTIVE
 from msph.state import Wanted
 from msph.transfer import Packet
 
@@ -36,8 +38,9 @@ class Files:
 
 @dataclass(frozen=True)
 class Order:
-    """Scenes to run side by side. whole: compile all kernels at the start; serial: number of this
-    order, from 1."""
+    """Scenes to run side by side. whole: compile all kernels at the start; options: of each Show;
+    frame_time: simulated time of a frame [s], None for that of play.fps; frames: number of frames
+    to run, None for no limit; serial: number of this order, from 1."""
 
     scenes: list[Scene]
     labels: list[str]
@@ -45,7 +48,16 @@ class Order:
     arguments: SceneArguments
     files: Files = field(default_factory=Files)
     whole: bool = False
+    options: dict[str, Any] = field(default_factory=lambda: INTERACTIVE)
+    frame_time: float | None = None
+    frames: int | None = None
     serial: int = 0
+
+    @property
+    def shows(self) -> dict[str, Any]:
+        """Returns the arguments of built_row() for this order, except for images and report."""
+        names = "scenes", "labels", "whole", "frame_time", "options"
+        return {name: getattr(self, name) for name in names}
 
 
 @dataclass(frozen=True)
@@ -61,10 +73,10 @@ class Command:
 
 
 @dataclass(frozen=True)
-class Progress:
+class Doing:
     """What the process of the simulations does."""
 
-    doing: str
+    text: str
 
 
 @dataclass(frozen=True)

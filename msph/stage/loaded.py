@@ -57,9 +57,9 @@ def options_of(recording: Recording | None, resume: str | None = None) -> dict[s
     return SIMULATED if recording else {"room": particles_in(resume)}
 
 
-def with_input(audience: Audience, recording: Recording | None, **more) -> Audience:
+def with_input(audience: Audience, recording: Recording | None) -> Audience:
     """Returns the audience with recorded input, if any; see Replayer."""
-    return Replayer(audience, recording, **more) if recording else audience
+    return Replayer(audience, recording) if recording else audience
 
 
 def exclude(one: str, given: object, other: str, also: object) -> None:

@@ -3,6 +3,7 @@
 import math
 from typing import Protocol
 
+from msph.errors import MsphError
 from msph.interrupts import deferred_signals
 from msph.stage.controls import Controls
 from msph.stage.row import Row
@@ -45,6 +46,10 @@ def run(row: Row, audience: Audience, frames: int | None = None) -> None:
                 row.frame(audience.controls(row))
                 audience.observe(row)
                 raise_if_signalled()
+        except MsphError:
+            # A signal may have ended the process of the simulation, too.
+            raise_if_signalled()
+            raise
         finally:
             row.lead.on_progress = None
             audience.close()

@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import click
 
-from msph.device import start
+from msph.device import start, started
 from msph.interrupts import importing
 from msph.options import PlayOptions, RunOptions
 from msph.own_files import claim
 from msph.stage.called import SceneArguments
 from msph.stage.lost_display import completing
-from msph.stage.process import start_simulations
+from msph.stage.process import simulations
 from msph.stage.recording import with_recording
 from msph.stage.window import ClosedError, NoWindowError, check_display
 
@@ -38,22 +38,22 @@ def play(scene: str | None, options: PlayOptions, run: RunOptions) -> None:
     arguments = SceneArguments(scene, run.overrides, options.beside)
     first = next(iter(arguments.scenes_of(scene).values()))
     with contextlib.ExitStack() as ends:
+        # The other process imports its libraries while this one opens the window.
+        process = ends.enter_context(simulations(run.arch, run.threads, not started()))
         try:
             check_display()
-            # The other process imports its libraries while this one opens the window.
-            process, connection = start_simulations(run.arch, run.threads)
-            ends.callback(process.kill)
-            ends.enter_context(completing(process.kill))
+            process = process or ends.enter_context(simulations(run.arch, run.threads))
+            assert process
+            ends.enter_context(completing(process[0].kill))
             start(run.arch, run.threads)
             with importing():
                 from msph.stage.ggui_window import GguiWindow
                 from msph.stage.keys import KEYS
             window = GguiWindow(first.title or scene, options.size)
         except NoWindowError as reason:
-            ends.close()
             with importing():
                 from msph.stage.commands import capture_instead
-            capture_instead(scene, options, run, str(reason))
+            capture_instead(scene, options, run, str(reason), process)
             return
         except ClosedError:
             return
@@ -65,6 +65,6 @@ def play(scene: str | None, options: PlayOptions, run: RunOptions) -> None:
             from msph.stage.remote import Remote
             from msph.stage.session import InputFiles, Session
         files = InputFiles(options.record_input, recording)
-        session = Session(window, Remote(process, connection), arguments, options.frames, files)
+        session = Session(window, Remote(*process), arguments, options.frames, files)
         with contextlib.suppress(ClosedError):
             session.play(scene, run.quality)

@@ -5,7 +5,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from typing import Protocol
+from typing import Any, Protocol
 
 from tqdm import tqdm
 
@@ -34,14 +34,18 @@ def say(text: str) -> None:
     tqdm.write(text, file=sys.stderr)
 
 
-def prepare(
-    scene: Scene, frame_time: float, *more, since: float | None = None, **options
-) -> Show:
-    """Builds a show; see built(). since: start of the preparation of several shows [s]."""
-    since = since or time.perf_counter()
-    show = built(scene, frame_time, *more, since=since, **options)
-    say(f"ready in {time.perf_counter() - since:.1f} s, {described(show)}")
+def prepare(scene: Scene, frame_time: float, *more, **options) -> Show:
+    """Builds a show; see built()."""
+    begin = time.perf_counter()
+    show = built(scene, frame_time, *more, **options)
+    say_ready(begin, [described(show)])
     return show
+
+
+def say_ready(begin: float, about: list[str]) -> None:
+    """Prints the time since `begin` [s] and descriptions of the water."""
+    for text in about:
+        say(f"ready in {time.perf_counter() - begin:.1f} s, {text}")
 
 
 def built(
@@ -74,29 +78,42 @@ def described(show: Show) -> str:
     )
 
 
-def prepare_row(
+def prepare_row(scenes: list[Scene], *more, **options) -> Row:
+    """Builds a row; see built_row()."""
+    begin = time.perf_counter()
+    row = built_row(scenes, *more, **options)
+    say_ready(begin, [described(show) for show in row.shows])
+    return row
+
+
+def built_row(
     scenes: list[Scene],
     labels: list[str],
     size: tuple[int, int] | None,
     report: Report | None = None,
     below: int = 0,
+    whole: bool = False,
+    frame_time: float | None = None,
+    options: dict[str, Any] = INTERACTIVE,
 ) -> Row:
-    """Builds a row of interactive simulations with their labels below them, in an image of size
-    (width, height) [pixels] with `below` free pixels at the lower edge."""
+    """Builds simulations with their labels below them, in an image of size (width, height) [pixels]
+    with `below` free pixels at the lower edge. whole: see built(); frame_time: simulated time of a
+    frame [s], by default that of play.fps; options: of Show."""
     single = len(scenes) == 1 and not below
     each, strip = size, strip_height(size[1]) if size and any(labels) else 0
     if size and not single:
         each = width_of_each(len(scenes), size[0]), size[1] - below - strip
     keep, since = 1 if single else KEPT_FRAMES, time.perf_counter()
     shows = [
-        prepare(
+        built(
             scene,
-            1.0 / scene.play.fps,
+            frame_time or 1.0 / scene.play.fps,
             each,
-            report=named(report, place(label, k, len(scenes))),
-            since=since,
+            named(report, place(label, k, len(scenes))),
+            whole,
+            since,
             timings=Timings(keep=keep),
-            **INTERACTIVE,
+            **options,
         )
         for k, (scene, label) in enumerate(zip(scenes, labels, strict=True))
     ]
@@ -126,22 +143,25 @@ def mass_text(water: dict[str, float]) -> str:
 
 
 @contextlib.contextmanager
-def compiling(report: Report | None, since: float | None = None) -> Iterator[None]:
+def compiling(report: Report | None, since: float | None = None) -> Iterator[Report]:
     """Context that reports each kernel compiled in it and the time since `since` [s], its start by
-    default, on the terminal if there is no `report`."""
+    default, on the terminal if there is no `report`; yields the function that reports."""
     begin = since or time.perf_counter()
     # disable=None: only on terminals.
     line = tqdm(
-        bar_format="compiling {postfix} ({elapsed})",
+        bar_format="{postfix}",
         disable=True if report else None,
         leave=False,
         file=sys.stderr,
     )
 
+    def on_line(doing: str, important: bool = False) -> None:
+        line.set_postfix_str(doing)
+
+    tell = report or on_line
+
     def next_kernel(name: str) -> None:
-        line.set_postfix_str(name)
-        if report:
-            report(f"compiling {name}, {time.perf_counter() - begin:.1f} s")
+        tell(f"compiling {name}, {time.perf_counter() - begin:.1f} s")
 
     with line, watch_compiling(next_kernel):
-        yield
+        yield tell

@@ -18,7 +18,25 @@ from msph.interrupts import SIGNALS, importing
 OF_TERMINAL = {number for number in SIGNALS if number != signal.SIGTERM}
 
 
-def start_simulations(arch: str, threads: int | None) -> tuple[Any, Connection]:
+# The process of the simulations and the connection to it.
+Started = tuple[Any, Connection]
+
+
+@contextlib.contextmanager
+def simulations(arch: str, threads: int | None, wanted: bool = True) -> Iterator[Started | None]:
+    """Context with the process of the simulations, which ends with it, if it is `wanted`."""
+    if not wanted:
+        yield None
+        return
+    process, connection = start_simulations(arch, threads)
+    try:
+        yield process, connection
+    finally:
+        process.kill()
+        process.join()
+
+
+def start_simulations(arch: str, threads: int | None) -> Started:
     """Starts the process of the simulations (simulating.py); returns it and the connection to it.
     Works with new interpreters only, as other systems than Linux have nothing else."""
     context = multiprocessing.get_context("spawn")
@@ -73,5 +91,5 @@ def _end_with_parent() -> None:
     parent = multiprocessing.parent_process()
     assert parent is not None
     wait([parent.sentinel])
-    os.write(2, b"msph: the process of the window has ended\n")
+    os.write(2, b"msph: the main process has ended\n")
     os._exit(1)

@@ -35,7 +35,8 @@ class TooLongError(BadInputError):
 
 class Progress:
     """Progress of `total` frames, of which `initial` are already done, on stderr if `shown`: a bar
-    on a terminal, otherwise a line per tenth. Slow frames are explained in one line.
+    on a terminal, otherwise a line per tenth. Slow frames are explained in one line if `shown` or
+    `explained`.
 
     clock: running_time, or a test double.
     """
@@ -46,6 +47,7 @@ class Progress:
         shown: bool,
         initial: int = 0,
         clock: Callable[[], float] = running_time,
+        explained: bool = False,
     ):
         terminal = sys.stderr.isatty()
         self.bar = tqdm(
@@ -57,7 +59,7 @@ class Progress:
             dynamic_ncols=True,
         )
         self.total, self.done = total, initial
-        self.shown, self.lines = shown, shown and not terminal
+        self.explained, self.lines = shown or explained, shown and not terminal
         self.clock = clock
         # Start of the run, and of the bar's last change within the frame [s].
         # Time [s] and number of frames at the last estimate.
@@ -90,7 +92,7 @@ class Progress:
         if self.too_long and left > LONGEST_RUN:
             raise TooLongError(f"{line}; the run would take {in_words(left)}, more than a day")
         self.too_long = left > LONGEST_RUN
-        if self.shown and not self.too_long and left > GROWTH * self.expected:
+        if self.explained and not self.too_long and left > GROWTH * self.expected:
             self.expected = left
             tqdm.write(f"{line}; the run takes about {in_words(left)}", file=sys.stderr)
 

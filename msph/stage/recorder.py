@@ -2,6 +2,7 @@
 
 import contextlib
 import itertools
+import math
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -32,6 +33,7 @@ from msph.export.outputs import (
 )
 from msph.measure.body_table import BodyTable
 from msph.own_files import writing, written
+from msph.stage.controls import Controls
 from msph.stage.loop import Audience
 from msph.stage.progress import Progress
 from msph.stage.row import Row
@@ -46,6 +48,8 @@ WEBM: dict[str, Any] = {
     "quality": None,
     "output_params": ["-crf", "24", "-b:v", "0", "-deadline", "realtime", "-cpu-used", "5"],
 }
+# Tolerance for the rounding of sums of frame times, over the time between two images.
+ROUNDING = 1e-6
 # Width over height of the camera's image in USD.
 ASPECT = 16.0 / 9.0
 # Quality of lossy WebP, 0 to 100: 75 shows no blocks in water.
@@ -55,8 +59,9 @@ WEBP_QUALITY = 75
 class Recorder(Audience):
     """Writes `frames` frames at `fps` to the outputs, and frame `still` (default: the last) to the
     still images. first: number of the first frame in file names, after a checkpoint. aspect: width
-    over height of the camera's image. Raises LostOutputError if a file cannot be written
-    completely."""
+    over height of the camera's image. sampled: frames of the simulation have other lengths, such as
+    those of recorded input, and the first one after each multiple of 1 / fps is rendered and
+    written. Raises LostOutputError if a file cannot be written completely."""
 
     def __init__(
         self,
@@ -67,10 +72,12 @@ class Recorder(Audience):
         bar: bool = True,
         first: int = 0,
         aspect: float = ASPECT,
+        sampled: bool = False,
     ):
         self.frames, self.fps = frames, fps
         self.still = frames if still is None else min(still, frames)
         self.done, self.first, self.aspect = 0, first, aspect
+        self.sampled, self.elapsed, self.seen = sampled, 0.0, 0  # elapsed: simulated time [s]
         self.outputs, self.lost = outputs, set[Path]()
         self.last: Any = None  # last recorded image, (height, width, 3 or 4) uint8
         self.videos = [p for p in outputs.pictures if kind(p) in VIDEO]
@@ -94,9 +101,13 @@ class Recorder(Audience):
         self.progress = Progress(frames, bar)
 
     def wants_more(self, row: Row) -> bool:
-        if not self.motions:
+        row.receive()
+        if self.outputs.data and not self.motions:
             self._begin(row.lead)
-        return self.done < self.frames
+        return self.done < self.frames and not row.lead.ended
+
+    def controls(self, row: Row) -> Controls:
+        return Controls(hidden=self.sampled)
 
     def _begin(self, show: Show) -> None:
         """Opens the files of all frames, and reads the forces on bodies from here on."""
@@ -115,6 +126,20 @@ class Recorder(Audience):
         self.progress.within(share, row.lead.pace)
 
     def observe(self, row: Row) -> None:
+        if not row.lead.new:
+            return
+        due = 1
+        if self.sampled:
+            self.elapsed += row.lead.simulated
+            due = math.floor(self.elapsed * self.fps + ROUNDING) - self.seen
+            self.seen += due
+            if due:
+                row.draw()
+        for _ in range(due):
+            self._write(row)
+
+    def _write(self, row: Row) -> None:
+        """Writes a frame to all outputs."""
         if row.picture:
             alpha = row.lead.scene.picture.alpha
             self.last = row.lead.display.matted_image() if alpha else row.picture.to_numpy_u8()
@@ -128,21 +153,26 @@ class Recorder(Audience):
         for path in self.pictures:
             with self._writing(path):
                 imageio.imwrite(self._numbered(path), self.last)
-        self.numbers = self.motions.numbers(row.lead.simulation.reached)
+        if self.outputs.data:
+            self._write_data(row.lead)
+        self.done += 1
+        self.progress.update()
+
+    def _write_data(self, show: Show) -> None:
+        """Writes what the simulation itself holds."""
+        sim = show.simulation
+        self.numbers = self.motions.numbers(sim.reached)
         for paths, write in self.written:
             for path in paths:
                 with self._writing(path):
-                    write(self._numbered(path), row.lead)
+                    write(self._numbered(path), show)
         for path, film in self.films.items():
             with self._writing(path):
                 film.add(self.first + self.done)
-        sim = row.lead.simulation
         for path, files in self.lists.items():
             # The mesh is that of the end of the frame.
             time = sim.time if path in self.outputs.meshes else sim.reached
             files.append((time, self._numbered(path)))
-        self.done += 1
-        self.progress.update()
 
     def close(self) -> None:
         """Completes all files, also after an interrupt, and also if one of them fails."""

@@ -1,6 +1,7 @@
 """Simulations in another process, and what a window shows of them (link.py)."""
 
 import contextlib
+import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,6 +13,7 @@ import numpy as np
 
 from msph.errors import MsphError
 from msph.fluid.boundary.walls import wall_constants
+from msph.launches import watch_compiling
 from msph.measure.bulk import bulk_density
 from msph.measure.timings import Timings
 from msph.scene.build import roomy_plan_of
@@ -19,10 +21,9 @@ from msph.scene.live import read
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls
 from msph.stage.display import Display
-from msph.stage.link import END, Answer, Command, Failed, Order, Progress, Ready
-from msph.stage.preparation import Report, compiling, say
+from msph.stage.link import END, Answer, Command, Doing, Failed, Order, Ready
+from msph.stage.preparation import Report, compiling, say_ready
 from msph.stage.row import KEPT_FRAMES, PATIENCE, Row, width_of_each
-from msph.stage.show import SIMULATED
 from msph.stage.shown_scene import ShownScene
 from msph.state import Moment
 from msph.transfer import SharedArrays, give_back, own_state, receive
@@ -51,6 +52,7 @@ class Remote:
         self.running = False  # True between an order and END
         self.building = False  # True between an order and Ready
         self.serial = 0  # of the last order
+        self.left = math.inf  # number of frames that may still be asked for
         self.shows: list[RemoteShow] = []
 
     def __enter__(self) -> "Remote":
@@ -70,42 +72,36 @@ class Remote:
         both processes are ready. Raises SimulationError."""
         self.end()
         begin, number = time.perf_counter(), len(order.scenes)
-        report = self._watched(report)
-        report("building the scene", important=True)
+        if report:
+            report("building the scene", important=True)
         self.serial += 1
+        self.left = order.frames or math.inf
         self._send(replace(order, serial=self.serial))
         self.running = self.building = True
         self.doing, self.since = "building the scene", begin
         each = (width_of_each(number, size[0]), size[1]) if number > 1 else size
-        with compiling(report):
+        with compiling(report) as tell, watch_compiling(self._check):
             self.shows = [
-                RemoteShow(self, k, scene, each, 1 if number == 1 else KEPT_FRAMES)
+                RemoteShow(self, k, scene, each, order, 1 if number == 1 else KEPT_FRAMES)
                 for k, scene in enumerate(order.scenes)
             ]
             for show in self.shows:
                 show.warm_up(order.whole)
-        ready = self._wait_for(Ready, report, begin)
+            ready = self._wait_for(Ready, tell, begin)
         self.building = False
         for show, capacity, name in zip(self.shows, ready.capacities, ready.names, strict=True):
             try:
                 show.arrays = SharedArrays(capacity, name)
             except FileNotFoundError:
                 raise self._lost() from None
-        self._take(self._wait_for(Answer, report, begin))
-        for about in ready.about:
-            say(f"ready in {time.perf_counter() - begin:.1f} s, {about}")
+        self._take(self._wait_for(Answer, tell, begin))
+        say_ready(begin, ready.about)
         return Row(self.shows, order.labels, size) if number > 1 else Row(self.shows)
 
-    def _watched(self, report: Report | None) -> Report:
-        """Returns a report that also raises SimulationError once the process has ended."""
-
-        def watched(doing: str, important: bool = False) -> None:
-            if not self.process.is_alive():
-                raise self._lost()
-            if report:
-                report(doing, important)
-
-        return watched
+    def _check(self, _: str) -> None:
+        """Raises SimulationError once the process has ended."""
+        if not self.process.is_alive():
+            raise self._lost()
 
     def _wait_for(self, kind: type, report: Report, begin: float) -> Any:
         """Returns the next message of a kind."""
@@ -116,6 +112,7 @@ class Remote:
     def give(self, command: Command) -> None:
         """Sends the input of the next frame."""
         self._send(command)
+        self.left -= 1
         self.busy, self.doing, self.since = True, "", time.perf_counter()
 
     def receive(self, patience: float) -> None:
@@ -164,8 +161,8 @@ class Remote:
         if isinstance(message, Failed):
             self.running = self.building = self.busy = False
             raise SimulationError(message.problem, message.code)
-        if isinstance(message, Progress):
-            self.doing = message.doing
+        if isinstance(message, Doing):
+            self.doing = message.text
         return message
 
     def _lost(self) -> SimulationError:
@@ -182,17 +179,28 @@ class RemoteShow(ShownScene):
 
     parallel = True
 
-    def __init__(self, remote: Remote, number: int, scene: Scene, size: tuple[int, int], keep: int):
+    def __init__(
+        self,
+        remote: Remote,
+        number: int,
+        scene: Scene,
+        size: tuple[int, int],
+        order: Order,
+        keep: int,
+    ):
         super().__init__(scene)
         self.remote, self.number, self.size = remote, number, size
-        self.frame_time = 1.0 / scene.play.fps
+        self.frame_time = order.frame_time or 1.0 / scene.play.fps
         self.timings = Timings(keep=keep)
-        self.state = own_state(roomy_plan_of(scene, SIMULATED["spare"]))
-        self.display: Any = Display(self.state, scene, size, False, self.timings, True)
+        spare, room = (order.options.get(name, 0) for name in ("spare", "room"))
+        self.interactive = order.options.get("interactive", False)
+        self.state = own_state(roomy_plan_of(scene, spare, room))
+        self.display: Any = Display(
+            self.state, scene, size, False, self.timings, scalable=self.interactive
+        )
         self.display.reset()
         self.arrays: Any = None
         self.simulated, self.fresh, self.new = 0.0, False, False
-        self.later: list[Callable[[], Any]] = []
         self.reported: dict[str, float] = {}
         self.asked: dict[str, Any] = {}  # keep and reopen of the next Command
         # Called by the frame loop after steps, which are not seen here.
@@ -206,16 +214,20 @@ class RemoteShow(ShownScene):
     def busy(self) -> bool:  # type: ignore[override]
         return self.remote.busy
 
+    @property
+    def ended(self) -> bool:  # type: ignore[override]
+        return self.remote.left == 0 and not self.busy and not self.fresh
+
     def _changed(self, key: str) -> None:
         if key.startswith("picture."):
             self.display.picture.change(self.scene.picture)
 
     def warm_up(self, whole: bool) -> None:
-        """Compiles the kernels of images, by drawing the initial water; without `whole`, some of
-        them in later frames."""
+        """Compiles the kernels of images, by drawing the initial water; for a window without
+        `whole`, some of them in later frames."""
         for _ in range(2):
             self.display.draw()
-        self.later = self.display.later_kernels()
+        self.later = self.display.later_kernels() if self.interactive else []
         while whole and self.later:
             self.later.pop(0)()
         self.display.reset()
@@ -224,7 +236,9 @@ class RemoteShow(ShownScene):
         """Takes an answer of the simulation."""
         resets = self.now.resets
         receive(self.state, packet, self.arrays.sets[index])
-        self.simulated, self.fresh, self.note = self.now.simulated, True, note or self.note
+        self.simulated, self.note = self.now.simulated, note or self.note
+        # A recording does not contain the initial state.
+        self.fresh = self.interactive or self.simulated > 0.0
         self.timings.add("fluid", self.now.fluid)
         if self.now.resets != resets:
             self.display.reset()
@@ -241,19 +255,20 @@ class RemoteShow(ShownScene):
         display = self.display
         if controls.next_view:
             display.views.next()
-        if self.number == 0 and not self.busy:
+        if self.number == 0 and not self.busy and self.remote.left:
             wanted = [show.display.views.wanted for show in self.remote.shows]
             self.remote.give(Command(controls, wanted, **self.asked))
             self.asked = {}
         self.new, self.fresh = self.fresh, False
-        if self.later and self.new:
-            self.later.pop(0)()
-        display.frame(controls, self.new)
+        if self.new:
+            self.compile_later()
+        if self.new or self.interactive:
+            display.frame(controls, self.new)
         self.timings.close_frame()
 
     def draw(self) -> None:
         """Draws the last state."""
-        self.display.draw(new=False)
+        self.display.draw()
 
     def keep(self, checkpoint: Path) -> None:
         """Saves a checkpoint after the present frame."""

@@ -12,9 +12,6 @@ from msph.stage.preparation import say
 from msph.stage.recording import Frame, Header, Recording, line_of
 from msph.stage.row import Row
 
-# Tolerance for the rounding of sums of frame times, over the time between two observations.
-ROUNDING = 1e-6
-
 
 class Relay(Audience):
     """Passes all calls to another audience."""
@@ -80,22 +77,20 @@ class InputRecorder(Relay):
 class Replayer(Relay):
     """Replaces the input that an audience gives to the simulation by a recording.
 
-    every [s]: the audience sees the first frame after each multiple of this simulated time, and
-    only these are rendered; None: each frame in which time passes. in_window: the audience sees all
-    frames, not faster than at play.speed, and gives the input after the end of the recording.
+    The audience sees each frame in which time passes. in_window: it sees all frames, and gives the
+    input after the end of the recording. paced: frames are not faster than at play.speed.
     """
 
     def __init__(
         self,
         inner: Audience,
         recording: Recording,
-        every: float | None = None,
         in_window: bool = False,
+        paced: bool = False,
     ):
         super().__init__(inner)
-        self.frames, self.every, self.in_window = recording.frames, every, in_window
-        self.done = self.seen = 0
-        self.elapsed = 0.0  # simulated time [s]
+        self.frames, self.in_window, self.paced = recording.frames, in_window, paced
+        self.done = 0
         self.last = Inputs()
         self.begin = math.inf  # earliest wall-clock time of the next frame [s]
 
@@ -116,27 +111,16 @@ class Replayer(Relay):
         else:
             given = self.last = self.frames[self.done].input
             self.done += 1
-        return replace(controls, **vars(given), budget=None, hidden=self.every is not None)
+        return replace(controls, **vars(given), budget=None)
 
     def observe(self, row: Row) -> None:
         simulated = row.lead.simulated
-        self.elapsed += simulated
-        if self.in_window:
-            if self.over and self.frames:
-                row.lead.note, self.frames, self.done = "the recorded input ends here", [], 0
-            elif not self.over:
-                self._wait(simulated, row.lead.scene.play.speed)
+        if self.in_window and self.over and self.frames:
+            row.lead.note, self.frames, self.done = "the recorded input ends here", [], 0
+        elif self.paced and not self.over:
+            self._wait(simulated, row.lead.scene.play.speed)
+        if self.in_window or simulated > 0.0:
             self.inner.observe(row)
-        elif self.every is None:
-            if simulated > 0.0:
-                self.inner.observe(row)
-        else:
-            due = math.floor(self.elapsed / self.every + ROUNDING)
-            if due > self.seen:
-                row.draw()
-            for _ in range(due - self.seen):
-                self.inner.observe(row)
-            self.seen = due
 
     def _wait(self, simulated: float, speed: float) -> None:
         """Waits until a frame's simulated time [s] over `speed` has passed since the last frame."""

@@ -37,7 +37,7 @@ def width_of_each(number: int, width: int) -> int:
 
 def strip_height(height: int) -> int:
     """Returns the height of labels below the images of a row of `height`, both in pixels."""
-    return round(LABEL_HEIGHT * pages.text_height(height))
+    return round(LABEL_HEIGHT * text_height(height))
 
 
 @data_oriented

@@ -91,7 +91,6 @@ class Show(ShownScene):
         self.counts, self.stops = self.simulation.counts(), Stops(self.simulation)
         self.ledger = Ledger(self.simulation, density_every)
         self.frames = self.resets = 0
-        self.later: list[Callable[[], Any]] = []  # compile kernels in later frames
         self.pose, self.tools = Pose(scene), Toolbox(self.simulation, scene.seed)
         self.now = Moment()
         self._observe(self._box())
@@ -168,8 +167,8 @@ class Show(ShownScene):
             self.reset()
         if controls.next_view and self.size:
             self.display.views.next()
-        if self.later and self.frames:
-            self.later.pop(0)()
+        if self.frames:
+            self.compile_later()
         external, self.simulated = self._moving_box(controls), 0.0
         if not controls.still:
             with self._stage("fluid"):

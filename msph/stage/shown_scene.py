@@ -1,8 +1,10 @@
 """What a window reads of a simulation, which runs in this process or in another one."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
+from msph.launches import run_in_steps
 from msph.scene.live import live_parameters, read, with_live_value
 from msph.scene.parts import value_of, with_value
 from msph.scene.schema import Scene
@@ -17,20 +19,28 @@ class ShownScene:
     parameters, of which a viscosity set to 0 remains one. now: numbers of the last frame; state:
     what is drawn, by `display`. note: message to the user about the last frame. busy: True while
     the simulation has not answered the last input; parallel: it runs while images are drawn; new:
-    the last frame drew a new state; fresh: a new state has not been drawn.
+    the last frame drew a new state; fresh: a new state has not been drawn; ended: all frames that
+    were ordered have been drawn.
     """
 
     state: State
     display: Any
     now: Moment
     # A simulation of this process has always answered.
-    busy = parallel = False
+    busy = parallel = ended = False
     fresh = new = True
 
     def __init__(self, scene: Scene):
         self.scene = self.initial = scene
         self.live = {live.key for live in live_parameters(scene)}
+        self.later: list[Callable[[], Any]] = []  # compile kernels in later frames
         self.note = ""
+
+    def compile_later(self) -> None:
+        """Compiles a part of a kernel that the first frames do not need, in a frame that is drawn
+        afterwards."""
+        if self.later and run_in_steps(self.later[0]):
+            self.later.pop(0)
 
     @property
     def draws(self) -> bool:

@@ -8,17 +8,17 @@ from msph.device import start
 from msph.ending import unexpected
 from msph.errors import MsphError
 from msph.launches import watch_compiling
-from msph.measure.timings import Timings
 from msph.own_files import claim
 from msph.scene.errors import SceneError
 from msph.stage.autosave import Autosave, Autosaver
 from msph.stage.controls import Controls
-from msph.stage.link import END, Answer, Command, Failed, Files, Order, Progress, Ready
+from msph.stage.link import END, Answer, Command, Doing, Failed, Files, Order, Ready
 from msph.stage.loop import Audience, run
-from msph.stage.preparation import built, described, named, place
+from msph.stage.preparation import built_row, described
+from msph.stage.progress import Progress
 from msph.stage.replaying import InputRecorder, Replayer
-from msph.stage.row import KEPT_FRAMES, Row
-from msph.stage.show import INTERACTIVE, Show
+from msph.stage.row import Row
+from msph.stage.show import Show
 from msph.transfer import SETS, Sender, SharedArrays
 
 
@@ -44,17 +44,17 @@ def _run(order: Order, connection: Connection) -> None:
     def tell(message: Any) -> None:
         connection.send((order.serial, message))
 
-    def doing(text: str, important: bool = False) -> None:
-        tell(Progress(text))
+    def report(doing: str, important: bool = False) -> None:
+        tell(Doing(doing))
 
     autosave = None
     if files.autosave:
         autosave = Autosave(order.arguments, files.autosave, files.began)
     try:
-        row = _build(order, doing)
-        follower = Follower(row, connection.recv, tell)
-        with watch_compiling(lambda name: doing(f"compiling {name}")):
-            audience = _with_files(follower, row, order, autosave)
+        row = built_row(**order.shows, size=None, report=report)
+        follower = Follower(row, connection.recv, tell, order.frames)
+        with watch_compiling(lambda name: report(f"compiling {name}")):
+            audience = with_files(follower, row, order, autosave)
             follower.begin()
             run(row, audience)
     except MsphError as error:
@@ -72,36 +72,20 @@ def _run(order: Order, connection: Connection) -> None:
             row.close()
 
 
-def _build(order: Order, report) -> Row:
-    """Returns the simulations of an order."""
-    number = len(order.scenes)
-    shows = [
-        built(
-            scene,
-            1.0 / scene.play.fps,
-            report=named(report, place(label, k, number)),
-            whole=order.whole,
-            timings=Timings(keep=1 if number == 1 else KEPT_FRAMES),
-            **INTERACTIVE,
-        )
-        for k, (scene, label) in enumerate(zip(order.scenes, order.labels, strict=True))
-    ]
-    return Row(shows)
-
-
-def _with_files(
-    follower: "Follower", row: Row, order: Order, autosave: Autosave | None
+def with_files(
+    audience: Audience, row: Row, order: Order, autosave: Autosave | None = None
 ) -> Audience:
-    """Returns the follower with recording, replay and autosave of its input."""
+    """Returns an audience with recording, replay and autosave of its input."""
     files, lead = order.files, row.lead
-    audience: Audience = follower
     if files.resume:
         _resume(lead, files)
     if files.replay:
         files.replay.check(lead.scene)
-        audience = Replayer(audience, files.replay, in_window=True)
+        follows = isinstance(audience, Follower)
+        paced = follows and order.frames is None
+        audience = Replayer(audience, files.replay, in_window=follows, paced=paced)
     if files.record and files.header:
-        claim([files.record], force=True)  # the window has asked for leave
+        claim([files.record], force=True)  # the command has asked for leave
         audience = InputRecorder(audience, files.record, files.header)
     # Simulations side by side, restored one by one, would no longer be in step.
     if autosave and len(row.shows) == 1:
@@ -110,8 +94,11 @@ def _with_files(
 
 
 def _resume(show: Show, files: Files) -> None:
-    """Continues the state of a lost session, whose file becomes the file of this session."""
-    assert files.resume and files.autosave
+    """Continues from a checkpoint; that of a lost session becomes the file of this session."""
+    assert files.resume
+    if not files.autosave:
+        show.resume(files.resume)
+        return
     try:
         show.resume(files.resume)
         files.resume.replace(files.autosave)
@@ -120,10 +107,18 @@ def _resume(show: Show, files: Files) -> None:
 
 
 class Follower(Audience):
-    """Gives a row the input of the window, and the window the states of the row."""
+    """Gives a row the input of the window, and the window the states of the row; frames: number of
+    frames, if it is known. Raises TooLongError."""
 
-    def __init__(self, row: Row, wait: Callable[[], Any], tell: Callable[[Any], None]):
+    def __init__(
+        self,
+        row: Row,
+        wait: Callable[[], Any],
+        tell: Callable[[Any], None],
+        frames: int | None = None,
+    ):
         self.row, self.wait, self.tell = row, wait, tell
+        self.progress = Progress(frames, False, explained=True) if frames else None
         self.capacities = [show.simulation.plan.max_particles for show in row.shows]
         self.arrays = [SharedArrays(capacity) for capacity in self.capacities]
         self.senders = [Sender(show.state) for show in row.shows]
@@ -140,6 +135,8 @@ class Follower(Audience):
         if given == END:
             return False
         self.given = given
+        if self.progress:
+            self.progress.start()
         return True
 
     def controls(self, row: Row) -> Controls:
@@ -150,7 +147,13 @@ class Follower(Audience):
             row.lead.reopen(given.reopen, given.otherwise)
         return given.controls
 
+    def within(self, row: Row, share: float) -> None:
+        if self.progress:
+            self.progress.within(share, row.lead.pace)
+
     def observe(self, row: Row) -> None:
+        if self.progress and self.given.wanted:
+            self.progress.update()
         packets, notes = [], []
         wanted = self.given.wanted or [show.state.wanted for show in row.shows]
         self.index = (self.index + 1) % SETS

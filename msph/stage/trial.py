@@ -11,16 +11,14 @@ from msph import user_cache
 from msph.device import start
 from msph.gpu_name import gpu_name
 from msph.measure.machine import machine
-from msph.measure.timings import Timings
 from msph.options import AS_GIVEN, QUALITIES
 from msph.scene.errors import SceneError
 from msph.scene.quality import at_quality, single_quality_reason
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls
 from msph.stage.pacer import PLANNED, RATES, SCALES
-from msph.stage.preparation import Report, named, prepare, say
+from msph.stage.preparation import Report, named, prepare_row, say
 from msph.stage.row import Row
-from msph.stage.show import INTERACTIVE
 from msph.stage.window import Window
 
 # Wall-clock time of a trial [s], number of frames before it (compilation), and image size without a
@@ -34,8 +32,7 @@ Build = Callable[[Scene, Report | None], Row]
 
 def build_here(scene: Scene, report: Report | None) -> Row:
     """Builds a scene as for a window, in this process."""
-    fps, more = scene.play.fps, {"timings": Timings(keep=1), **INTERACTIVE}
-    return Row([prepare(scene, 1.0 / fps, SIZE, report, whole=True, **more)])
+    return prepare_row([scene], [""], SIZE, report, whole=True)
 
 
 def finest_in_real_time(

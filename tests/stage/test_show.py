@@ -304,7 +304,7 @@ def test_kernels_compiled_in_later_frames_change_nothing(tmp_path):
     for first_image in (True, False):
         show.warm_up(first_image)
         assert bool(show.later) == first_image
-        for _ in range(15):
+        for _ in range(100):
             show.frame(Controls())
         assert not show.later
         seen.append((show.simulation.particles.numpy("x"), show.display.picture.to_numpy_u8()))

@@ -9,18 +9,22 @@ import sys
 import time
 from pathlib import Path
 
+import imageio.v2 as imageio
 import numpy as np
 import psutil
 import pytest
 
 from msph.measure.timings import Timings
+from msph.options import CaptureOptions, RunOptions
+from msph.own_files import release
 from msph.scene import load_scene
 from msph.stage.called import Choice, SceneArguments
+from msph.stage.commands import capture
 from msph.stage.controls import Controls, ToolUse
 from msph.stage.layout import Layout
 from msph.stage.link import Files, Order
-from msph.stage.process import start_simulations
-from msph.stage.recording import Header, read
+from msph.stage.process import simulations, start_simulations
+from msph.stage.recording import Frame, Header, line_of, read
 from msph.stage.remote import Remote, SimulationError
 from msph.stage.show import INTERACTIVE, Show
 from tests.scenes_kit import write
@@ -93,6 +97,50 @@ def test_two_processes_compute_what_one_computes(remote):
     assert row.lead.now.energy == here.now.energy
     assert row.lead.changes() == here.changes() == {"gravity": 5.0}
     here.close()
+
+
+@pytest.mark.parametrize("replayed", [False, True])
+def test_a_capture_in_two_processes_equals_one_in_a_single_process(replayed, tmp_path):
+    """Images and recorded input are equal bit for bit on one thread, whitewater included."""
+    scene, replay = write(tmp_path), None
+    if replayed:
+        replay, header = tmp_path / "input.jsonl", Header.of(scene, "large")
+        given = enumerate(i.inputs() for i in inputs() if not i.still)
+        replay.write_text("".join(map(line_of, [header, *(Frame(k, 0.0, i) for k, i in given)])))
+    found = []
+    for name, started in ("one", False), ("two", True):
+        images, again = tmp_path / f"{name}_%02d.png", tmp_path / f"{name}.jsonl"
+        options = CaptureOptions(50.0, SIZE, 0.19, (images,), record_input=again, replay=replay)
+        run = RunOptions(() if replayed else ("picture.whitewater=true",), "cpu", 1)
+        with simulations("cpu", 1, started) as process:
+            capture(None if replayed else scene, options, run, process)
+        release()
+        found.append([path.read_bytes() for path in sorted(tmp_path.glob(f"{name}_*.png"))])
+        found[-1].append(again.read_text().partition("\n")[2])
+    assert len(found[0]) == 11 and len(set(found[0])) == 11
+    assert found[0] == found[1]
+
+
+@on_linux
+def test_a_capture_whose_simulation_is_killed_keeps_its_frames(tmp_path):
+    scene, before = write(tmp_path), shared()
+    command = [sys.executable, "-m", "msph", "capture", scene, "--seconds", "1000", "--arch", "cpu"]
+    command += ["-o", str(tmp_path / "a.mp4"), "-o", str(tmp_path / "a_%04d.png")]
+    process = subprocess.Popen([*command, "--size", "64x36"], stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + PATIENCE
+    while not list(tmp_path.glob("a_0003.png")):
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.1)
+    (simulation,) = (
+        child
+        for child in psutil.Process(process.pid).children()
+        if "spawn_main" in " ".join(child.cmdline())
+    )
+    simulation.kill()
+    said = process.communicate(timeout=PATIENCE)[1].splitlines()
+    assert process.returncode == 1 and "has ended (signal 9)" in said[-1], said
+    assert imageio.get_reader(tmp_path / "a.mp4").count_frames() >= 3
+    assert shared() == before
 
 
 @on_linux
@@ -210,5 +258,5 @@ def test_a_killed_window_ends_its_simulation(tmp_path):
         assert time.monotonic() < deadline, "the simulation runs on"
         time.sleep(0.1)
     said = process.stderr.read()
-    assert said.splitlines()[-1] == "msph: the process of the window has ended", said
+    assert said.splitlines()[-1] == "msph: the main process has ended", said
     assert shared() == before
