@@ -5,6 +5,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from scipy.optimize import brentq
 
 from bench import tanks
 from bench.tables import Bench, Case, Table
@@ -20,6 +21,8 @@ CONTRACTION = math.pi / (math.pi + 2.0)
 # speed is measured.
 LENGTH, DEEP, FINE, SLIT = 0.5, 0.3, 0.0125, 0.075
 LEVELS, BELOW = (0.93, 0.4), 0.9
+# Distances below the floor, over the width of the slit, at which the shape of its jet is compared.
+ALONG_JET = (0.25, 0.5)
 # Tank with a hole: edge and depth, and half width of the hole [m].
 VESSEL, HOLE = 0.24, 0.04
 # Discharge of square holes over that of round ones (-): 0.627/0.620, measured by Bovey
@@ -59,12 +62,22 @@ def round_discharge(head: float, diameter: float) -> float:
     return 0.6075 + 0.0098 / math.sqrt(head / 0.3048) - 0.0037 * diameter / 0.0254
 
 
+def plane_contraction(distance: float) -> float:
+    """Returns the width of a plane jet over that of its slit (-), at a distance behind the slit
+    over its width: Kirchhoff's free streamline, whose direction turns by an angle b from the wall
+    to the axis: width 1 - 2 A (1 - cos b) at the distance A (ln(sec b + tan b) - sin b)."""
+    a = 1.0 / (math.pi + 2.0)
+    last = 0.5 * math.pi - 1e-9
+    b = brentq(lambda b: a * (math.asinh(math.tan(b)) - math.sin(b)) - distance, 0.0, last)
+    return 1.0 - 2.0 * a * (1.0 - math.cos(b))
+
+
 def through_slit(seed: int) -> dict[str, float]:
     """Returns the errors of a tank that empties through a slit in its floor."""
     middle = 0.5 * LENGTH
     hole = {"lo": [middle - SLIT / 2, 0, 0], "hi": [middle + SLIT / 2, 0, SLIT]}
     scene = tanks.tank((LENGTH, SLIT), DEEP, FINE, 1, seed=seed)
-    return drained(scene, hole, SLIT, SLIT**2, CONTRACTION)
+    return drained(scene, hole, SLIT, SLIT**2, CONTRACTION, ALONG_JET)
 
 
 def through_hole(spacing: float, square: bool, seed: int) -> dict[str, float]:
@@ -80,15 +93,22 @@ def through_hole(spacing: float, square: bool, seed: int) -> dict[str, float]:
 
 
 def drained(
-    scene: Scene, hole: dict[str, Any], width: float, area: float, discharge: float
+    scene: Scene,
+    hole: dict[str, Any],
+    width: float,
+    area: float,
+    discharge: float,
+    along: tuple[float, ...] = (),
 ) -> dict[str, float]:
     """Returns the errors of a tank that empties through a hole of this width [m] and area [m^2]:
     mean speed of the jet over sqrt(2 g h), h the height of the level above the particles; its area
     over that of a jet of this speed with the coefficient of discharge; and draining time over
-    theory with this coefficient (-)."""
+    theory with this coefficient (-). Distances `along` the jet over the width: its area there over
+    plane_contraction()."""
     sim = build(scene, {"outflows": [hole], "duration": 30.0})
     spec, tank = sim.layers.specs[0], sim.size[0] * sim.size[2]
     levels, times, ratios, areas = [], [], [], []
+    shape: dict[float, list[float]] = {share: [] for share in along}
     full = len(inside(sim)) * spec.volume / tank
     begin, below, deep = LEVELS[0] * full, BELOW * width, 2.0 * spec.spacing
     while not levels or levels[-1] > LEVELS[1] * full:
@@ -103,6 +123,12 @@ def drained(
             ratios.append(float((np.linalg.norm(v[jet], axis=1) / fall).mean()))
             contracted = discharge * area * math.sqrt(level / (level + below + 0.5 * deep))
             areas.append(jet.sum() * spec.volume / deep / contracted)
+            for share, found in shape.items():
+                depth = share * width
+                near = np.abs(x[:, 1] + depth) < spec.spacing
+                slower = math.sqrt(level / (level + depth))
+                wide = near.sum() * spec.volume / (2.0 * spec.spacing)
+                found.append(wide / (plane_contraction(share) * area * slower))
     ends = [begin, LEVELS[1] * full]
     taken = np.interp([-h for h in ends], [-h for h in levels], times)
     fall = math.sqrt(ends[0]) - math.sqrt(ends[1])
@@ -112,7 +138,15 @@ def drained(
         "speed / sqrt(2 g h) - 1": float(np.mean(ratios)) - 1.0,
         "area of the jet / theory - 1": float(np.mean(areas)) - 1.0,
         "draining time / theory - 1": float(taken[1] - taken[0]) / theory - 1.0,
+        **{
+            f"{along_jet(share)} - 1": float(np.mean(found)) - 1.0 for share, found in shape.items()
+        },
     }
+
+
+def along_jet(share: float) -> str:
+    """Returns the name of the area of a jet at a distance over the width of the hole."""
+    return f"area of the jet {share:g} widths below / theory"
 
 
 def through_flow(seed: int) -> dict[str, float]:
@@ -247,9 +281,11 @@ def against(title: str, case: Case, targets: dict[str, str]) -> Table:
     return Table(title, (), {("found",): case}, forms, targets, across=True)
 
 
-def emptied(title: str, case: Case, target: str) -> Table:
-    """Returns the table of a tank that empties; target: of the draining time."""
+def emptied(title: str, case: Case, target: str, along: tuple[float, ...] = ()) -> Table:
+    """Returns the table of a tank that empties; target: of the draining time; along: distances at
+    which the shape of the jet is compared, over its width."""
     targets = {
+        **{f"{along_jet(share)} - 1": "none" for share in along},
         "speed / sqrt(2 g h) - 1": "within 3 %",
         "area of the jet / theory - 1": "none",
         "draining time / theory - 1": target,
@@ -274,7 +310,10 @@ BENCHES = {
         'docs/method.md, "Openings".\n',
         {
             "slit": emptied(
-                f"{DEEP} m deep, slit {SLIT / FINE:.0f} spacings wide", through_slit, "within 5 %"
+                f"{DEEP} m deep, slit {SLIT / FINE:.0f} spacings wide",
+                through_slit,
+                "within 5 %",
+                ALONG_JET,
             ),
             "round": hole(4, False, "within 4 %"),
             "square": hole(4, True, "within 4 %"),

@@ -10,6 +10,9 @@ from functools import partial
 import numpy as np
 
 from bench import tanks
+from bench.cases import CASES
+from bench.cases.case import ADAPTIVE, UNIFORM, Setting
+from bench.rows import STARTS
 from bench.tables import Bench, Table
 from msph.scene.schema import Scene
 
@@ -20,6 +23,16 @@ WAVES = ((8, 0.03), (8, 0.1), (12, 0.03), (12, 0.1), (20, 0.03))
 # Number of layers of each kind of water.
 WATERS = {"uniform": 1, "layered": 3}
 RELIEFS = {"0": 0.0, "1": 1.0}
+# Cases of bench/pareto.py whose times are compared: name, kind of water, resolution.
+TIMED = [
+    ("sloshing", UNIFORM, 10),
+    ("sloshing", ADAPTIVE, 10),
+    ("sloshing", ADAPTIVE, 15),
+    ("deep_sloshing", ADAPTIVE, 28),
+    ("deep_sloshing", ADAPTIVE, 40),
+    ("hydrostatic", UNIFORM, 12),
+    ("hydrostatic", ADAPTIVE, 20),
+]
 # Towed ball: tank and depth [m], radius [m], start [m], speeds [m/s], spacing [m]: 3.3 spacings.
 TANK, WATER, RADIUS, FROM, SPEEDS, SPACING = (1.8, 0.7, 0.6), 0.5, 0.1, 0.3, (0.5, 1.0), 0.03
 # Distances between which the force is measured [m]: after the start, before the far wall.
@@ -53,6 +66,29 @@ def wave(
     }
 
 
+def in_turn(case: str, water: str, resolution: int, seed: int) -> list[dict[str, float]]:
+    """Returns the processor times and main errors of a case with shear relief over those without
+    it, one row for each start. Runs with and without alternate, so that both meet one load."""
+    found = []
+    for start in range(STARTS):
+        times, errors = [], []
+        for relief in (1.0, 0.0):
+            setting = Setting(water=water, resolution=resolution, shear_relief=relief, start=start)
+            run, error = CASES[case].measure(setting)
+            times.append(run.cpu)
+            errors.append(error[CASES[case].main])
+            run.simulation.close()
+        found.append(
+            {
+                "time, on / off": times[0] / times[1],
+                "error, on / off": errors[0] / errors[1],
+                "error, on": errors[0],
+                "error, off": errors[1],
+            }
+        )
+    return found
+
+
 def tow(speed: float, layers: int, relief: float, seed: int) -> dict[str, float]:
     """Returns the drag coefficient of a submerged ball towed at `speed` [m/s]."""
     scene = tanks.tank((TANK[0], TANK[2]), WATER, SPACING, layers, air=TANK[1] - WATER, seed=seed)
@@ -81,6 +117,19 @@ TABLES = {
             for name, relief in RELIEFS.items()
         },
         {"particles": ",.0f", "decrement": ".3f", "period off": "+.2%"},
+    ),
+    "in turn": Table(
+        "Cases of bench/pareto.py with shear relief over those without: processor time and main "
+        "error; runs with and without alternate in one process",
+        ("case", "water", "resolution"),
+        {(case, water, str(n)): partial(in_turn, case, water, n) for case, water, n in TIMED},
+        {
+            "time, on / off": ".2f",
+            "error, on / off": ".2f",
+            "error, on": ".2%",
+            "error, off": ".2%",
+        },
+        starts=1,
     ),
     "towed ball": Table(
         "Drag coefficient",

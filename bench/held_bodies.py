@@ -23,7 +23,7 @@ EDGE, DEPTH, FINE = 0.6, 0.4, 0.025
 WATERS = {"uniform": 1, "layered": 3}
 # Half width of the pillar, centre and radius of the ball, and radii of further balls [m].
 HALF, MIDDLE, RADIUS = 0.075, (0.3, 0.2, 0.3), 0.1
-RADII = (0.03, 0.05, 0.075, 0.15)
+RADII = (0.03, 0.05, 0.075, 0.1, 0.15)
 # Gravity [m/s^2] under which a column of water collapses past a ball, and the radii of the balls
 # over the spacing (-).
 SLANTED, SIZES = (5.0, -6.5, 5.0), (0.2, 0.5, 1.0, 1.5, 2.5, 4.0)

@@ -3,7 +3,8 @@
 A command claims its output files before it computes anything: an empty file is created under each
 name, in one operation of the file system, so that of two commands started together one is refused.
 A claim fails if a file exists, unless --force is given. writing() and replacing() also claim
-files, so that every write follows this rule.
+files, so that every write follows this rule. A claimed file is locked until the command has written
+it or ends: an empty file that is not locked is left over from a killed command, and is free.
 """
 
 import contextlib
@@ -11,20 +12,27 @@ import errno
 import glob
 import os
 import shutil
+import stat
 import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from msph.errors import BadInputError, LostOutputError
 
+try:
+    import fcntl
+except ImportError:  # Windows, where files that a killed command leaves need --force
+    fcntl = None  # type: ignore[assignment]
+
 # Free space [bytes] below which a failed write is reported as a full disk: encoders give no reason.
 FULL_DISK = 1 << 20
 # End of the name of the scene file that commands write next to their outputs.
 SCENE_SUFFIX = ".scene.toml"
 
-# Files that the running command may write, and those among them that its claims created.
+# Files that the running command may write, and those among them that its claims created, with the
+# descriptors that lock them.
 _claimed: set[Path] = set()
-_created: set[Path] = set()
+_created: dict[Path, int] = {}
 
 
 class ExistingFileError(BadInputError):
@@ -37,9 +45,8 @@ class OutputError(BadInputError):
 
 def release() -> None:
     """Drops all claims at the end of a command, and removes claimed files without content."""
-    _remove_empty(_created)
+    _unlock(_created)
     _claimed.clear()
-    _created.clear()
 
 
 @contextlib.contextmanager
@@ -60,7 +67,7 @@ def claim(paths: Iterable[Path], force: bool = False, later: Iterable[Path] = ()
     later: files that must not exist either, such as the frames of a recording, but are claimed when
     they are written.
     """
-    new = set[Path]()
+    new = list[Path]()
     frames = {place_of(path): path for path in later}
     try:
         for place, path in frames.items():
@@ -70,27 +77,48 @@ def claim(paths: Iterable[Path], force: bool = False, later: Iterable[Path] = ()
         places = {place_of(path): path for path in paths}
         for place in sorted(places.keys() - _claimed):
             if _create(place, places[place], force):
-                new.add(place)
+                new.append(place)
     except BadInputError:
-        _remove_empty(new)
+        _unlock(new)
         raise
-    _created.update(new)
     _claimed.update(places, frames if force else ())
 
 
 def _create(place: Path, path: Path, force: bool) -> bool:
-    """Creates an empty file; returns False for an existing file that may be overwritten."""
+    """Creates and locks an empty file, or locks one that a killed command left; returns False for
+    an existing file that may be overwritten."""
     with _refusing(path.parent):
         place.parent.mkdir(parents=True, exist_ok=True)
     with _refusing(path):
         try:
-            os.close(os.open(place, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
-            return True
+            handle, created = os.open(place, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666), True
         except FileExistsError:
-            if place.is_file() and not force:
+            if place.is_file() and place.stat().st_size > 0 and not force:
                 raise ExistingFileError(f"{path}: exists; --force overwrites it") from None
-            with open(place, "ab"):
-                return False
+            handle, created = os.open(place, os.O_APPEND | os.O_WRONLY), False
+        if _lock(handle, place, created):
+            _created[place] = handle
+            return True
+        os.close(handle)
+        if place.is_file() and not force:
+            raise ExistingFileError(f"{path}: exists; --force overwrites it")
+        return False
+
+
+def _lock(handle: int, place: Path, created: bool) -> bool:
+    """Locks an open file; returns True if it is empty and no other command has claimed it."""
+    if fcntl is None:
+        return created
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # a file system without locks
+        return created
+    found = os.fstat(handle)
+    # A rival may have written or replaced the file before it was locked.
+    same = place.exists() and os.path.samestat(found, place.stat())
+    return same and stat.S_ISREG(found.st_mode) and found.st_size == 0
 
 
 @contextlib.contextmanager
@@ -119,12 +147,15 @@ def written(path: Path) -> bool:
     return path.exists() and not (place_of(path) in _created and path.stat().st_size == 0)
 
 
-def _remove_empty(places: Iterable[Path]) -> None:
-    for place in places:
+def _unlock(places: Iterable[Path]) -> None:
+    """Unlocks files that claims created, and removes those without content."""
+    for place in list(places):
         # The user may have removed the file or its folder.
         with contextlib.suppress(OSError):
-            if place.stat().st_size == 0:
+            if place in _created and place.stat().st_size == 0:
                 place.unlink()
+        if place in _created:
+            os.close(_created.pop(place))
 
 
 def free_stem(folder: Path, stem: str) -> str:
@@ -152,6 +183,9 @@ def writing(path: Path) -> Iterator[None]:
         problem = os.strerror(errno.ENOSPC) if full else str(error.strerror or error)
         line = problem.strip().splitlines()[0]
         raise LostOutputError(f"{path}: {line[0].lower()}{line[1:]}") from None
+    finally:
+        if written(path):
+            _unlock([place_of(path)])
 
 
 @contextlib.contextmanager

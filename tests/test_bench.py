@@ -9,6 +9,8 @@ import pytest
 
 from bench import (
     constants,
+    floating,
+    heave_theory,
     impact,
     parts,
     peer_splishsplash,
@@ -181,6 +183,17 @@ def test_disabled_parts_launch_no_kernels(monkeypatch) -> None:
     assert row["own kernels, off"] == row["own launches per frame, off"] == 0
     assert row["own kernels, on"] > 0 and row["own launches per frame, on"] >= 1.0
     assert row["error without it after 0.5 s"].endswith("% of the depth")
+
+
+@pytest.mark.parametrize("drop", floating.KRAMER)
+def test_potential_flow_has_the_measured_periods_of_heave(drop) -> None:
+    """Regression: the time of the second crest, 2 % shorter by theory, was compared with measured
+    periods, which are twice the time under water."""
+    seconds = floating.DECAY
+    heights = heave_theory.decay(drop, floating.RADIUS, floating.KRAMER_GRAVITY, seconds)
+    found = floating.first_period(*heights)
+    assert found == pytest.approx(floating.KRAMER[drop], rel=0.03)
+    assert found[0] == pytest.approx(floating.KRAMER[drop][0], rel=0.01)
 
 
 def test_longer_averaging_times_lower_impact_pressures(monkeypatch) -> None:

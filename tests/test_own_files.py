@@ -56,6 +56,22 @@ def test_of_processes_that_claim_the_same_files_one_succeeds(tmp_path):
     assert len(stems) == len(set(stems)) == 60
 
 
+def test_files_of_a_killed_command_are_free_and_those_of_a_running_one_are_not(tmp_path):
+    """Regression: empty files of a killed command were refused without --force."""
+    holder = RIVAL.split("time.sleep")[0] + "claim([folder / 'a.png']); print(1, flush=True); "
+    run = [sys.executable, "-c", holder + "time.sleep(60)", str(tmp_path), "0"]
+    with subprocess.Popen(run, stdout=subprocess.PIPE) as other:
+        other.stdout.readline()
+        with pytest.raises(ExistingFileError):
+            claim([tmp_path / "b.png", tmp_path / "a.png"])
+        other.kill()
+        other.wait()
+    assert (tmp_path / "a.png").read_bytes() == b""
+    claim([tmp_path / "a.png"])
+    own_files.release()
+    assert not any(tmp_path.iterdir())
+
+
 def test_files_that_are_claimed_and_not_written_are_removed(tmp_path):
     empty, full, frame = (tmp_path / name for name in ("deep/a.png", "b.json", "f_1.png"))
     claim([empty, full], later=[frame])

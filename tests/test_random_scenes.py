@@ -1,6 +1,7 @@
-"""Tests with random scenes and inputs (hypothesis, seeded): water conserves mass and momentum, and
-invalid scenes, checkpoints, recordings and output names give one line within LIMIT. A scene that
-fails is minimised and written to failing_scene.toml."""
+"""Tests with random scenes and inputs (hypothesis): water conserves mass and momentum, and invalid
+scenes, checkpoints, recordings and output names give one line within LIMIT. A scene that fails is
+minimised and written to failing_scene.toml. `MSPH_EXAMPLES=10` draws ten times as many examples,
+from a new seed."""
 
 import json
 import math
@@ -30,17 +31,23 @@ from msph.scene.schema import Scene
 from msph.stage.recording import read as read_recording
 from tests.scenes_kit import TEXT, write
 
-# Number of random scenes to simulate, each of which compiles its kernels.
-EXAMPLES = int(os.environ.get("MSPH_EXAMPLES", "3"))
+# Factor of the numbers of examples. Without it the same examples are drawn in each run.
+MORE = int(os.environ.get("MSPH_EXAMPLES", "0"))
 FRAME, FRAMES = 1 / 60, 24
 FAILING = Path("failing_scene.toml")
 # Longest time of an attempt with invalid input [s], after which it counts as hanging.
 LIMIT = 5.0
-ALL = settings(
-    deadline=None,
-    derandomize=True,
-    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
-)
+
+
+def examples(number: int) -> settings:
+    """Returns the settings of a test with a number of examples."""
+    return settings(
+        deadline=None,
+        derandomize=not MORE,
+        max_examples=number * max(MORE, 1),
+        suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+    )
+
 
 numbers = st.floats(allow_nan=True, allow_infinity=True)
 texts = st.text(max_size=12)
@@ -100,7 +107,7 @@ hands = st.builds(
 inputs = st.lists(st.tuples(vectors, hands), min_size=1, max_size=4)
 
 
-@settings(ALL, max_examples=EXAMPLES)
+@examples(3)
 @given(scenes(), inputs)
 def test_water_stays_inside_and_conserves_mass_and_momentum(data, given_inputs):
     """In every scene and for every input, water is finite and inside the box or spilt, its mass is
@@ -136,7 +143,7 @@ def check_promises(scene, simulation, given_inputs):
     assert entry.solver_residual_mean < 0.01
 
 
-@settings(ALL, max_examples=100)
+@examples(100)
 @given(st.dictionaries(st.sampled_from([*Scene.model_fields, "variants", "boxes"]), anything))
 def test_an_invalid_scene_gives_one_line(tmp_path_factory, data):
     path = tmp_path_factory.getbasetemp() / "random.toml"
@@ -144,7 +151,7 @@ def test_an_invalid_scene_gives_one_line(tmp_path_factory, data):
     assert_one_line(lambda: load(str(path)))
 
 
-@settings(ALL, max_examples=70)
+@examples(70)
 @given(st.binary(max_size=200))
 def test_random_bytes_as_scene_mesh_or_checkpoint_give_one_line(tmp_path_factory, content):
     folder = tmp_path_factory.getbasetemp()
@@ -182,7 +189,7 @@ speed = 0.1
 """
 
 
-@settings(ALL, max_examples=60)
+@examples(60)
 @given(st.data())
 def test_a_changed_checkpoint_is_restored_or_gives_one_line(still, data):
     """A checkpoint with one changed entry is refused, or the simulation continues from it."""
@@ -214,7 +221,7 @@ USE |= {"surface": [0.2] * 3, "direction": [0.0, -1.0, 0.0], "step": 0.01, "held
 HEAD = '{"recording": 1, "msph": "0", "scene": "pool", "quality": "large"}'
 
 
-@settings(ALL, max_examples=60)
+@examples(60)
 @given(
     st.dictionaries(
         st.sampled_from(sorted(USE)), hostile | st.lists(hostile, min_size=3), max_size=2
@@ -233,7 +240,7 @@ def test_a_changed_recording_is_read_or_gives_one_line(tmp_path_factory, use, gi
 KEYS = [p.key for p in parameters(Scene)]
 
 
-@settings(ALL, max_examples=100)
+@examples(100)
 @given(
     st.lists(st.tuples(st.sampled_from(KEYS), anything | texts | hostile), min_size=1, max_size=3)
 )
@@ -242,7 +249,7 @@ def test_any_override_is_accepted_or_gives_one_line(settings_given):
     assert_one_line(lambda: load_scene("pool", overrides))
 
 
-@settings(ALL, max_examples=60)
+@examples(60)
 @given(st.text(max_size=30))
 def test_any_output_name_is_accepted_or_gives_one_line(tmp_path_factory, name):
     folder = tmp_path_factory.getbasetemp()

@@ -90,14 +90,15 @@ class Setting:
 class Run:
     """Timed run of water, with its density errors.
 
-    wall: elapsed time [s] of `simulated` [s]; others: mean number of cores that other processes
-    kept busy (-); steps, iterations: totals of all frames; residual, p99 and largest: mean, 99th
-    percentile and maximum of the solver residual (-) in each frame; kernel: mean and 99th
-    percentile of the kernel density error (-), every KERNEL_EVERY frames.
+    wall, cpu: elapsed and processor time [s] of `simulated` [s]; others: mean number of cores that
+    other processes kept busy (-); steps, iterations: totals of all frames; residual, p99 and
+    largest: mean, 99th percentile and maximum of the solver residual (-) in each frame; kernel:
+    mean and 99th percentile of the kernel density error (-), every KERNEL_EVERY frames.
     """
 
     water: Water
     wall: float = 0.0
+    cpu: float = 0.0
     simulated: float = 0.0
     steps: int = 0
     iterations: int = 0
@@ -124,9 +125,10 @@ class Run:
         water = self.water
         for _ in range(max(1, round(seconds / frame))):
             steps, iterations = water.steps, water.iterations
-            begin = time.perf_counter()
+            begin, busy = time.perf_counter(), time.process_time()
             water.advance(frame, gravity)
             self.wall += time.perf_counter() - begin
+            self.cpu += time.process_time() - busy
             self.simulated += frame
             self.steps += water.steps - steps
             self.iterations += water.iterations - iterations

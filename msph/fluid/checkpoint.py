@@ -91,8 +91,8 @@ def numbers(
     lo: float = -LARGEST,
     hi: float = LARGEST,
 ) -> np.ndarray:
-    """Returns an entry of a checkpoint. Raises ValueError unless it has this shape and real numbers
-    from `lo` to `hi`."""
+    """Returns an entry of a checkpoint in double precision. Raises ValueError unless it has this
+    shape and real numbers from `lo` to `hi`."""
     found = np.asarray(state[name])
     if found.dtype.kind not in "fiu" or found.shape != shape:
         raise ValueError(f"{name} is {found.dtype} of shape {found.shape}, not numbers of {shape}")
@@ -101,7 +101,7 @@ def numbers(
     wrong = values[~((values >= lo) & (values <= hi))]
     if wrong.size:
         raise ValueError(f"{name} is {wrong.flat[0]:g}: must be {lo:g} to {hi:g}")
-    return found
+    return values
 
 
 def _check(sim: "Simulation", state: dict[str, np.ndarray], floats: list[Body]) -> None:

@@ -166,6 +166,10 @@ def test_bodies_have_their_buoyancy_at_floor_and_wall(body):
 
 
 def test_checkpoint_holds_floating_bodies():
+    """A checkpoint holds floating bodies, in any precision, and does not change with them.
+
+    Regression: half precision gave a TypeError.
+    """
     sim = simulation(0.16, [block((0.2, 0.25, 0.2), 0.1, 400.0)])
     record(sim, 0.2)
     state, there = sim.state(), sim.boundary.floating.state()
@@ -174,6 +178,10 @@ def test_checkpoint_holds_floating_bodies():
     sim.restore(state)
     assert sim.boundary.floating.state() == pytest.approx(there)
     assert sim.boundary.centre[0, 1].to_numpy() == pytest.approx(there[0, :3], abs=1e-6)
+    run(sim, 0.1)
+    assert (state["floating"] == there).all()
+    sim.restore({**state, "floating": there.astype(np.float16)})
+    assert sim.boundary.floating.state() == pytest.approx(there, rel=1e-3, abs=1e-6)
     sim.reset()
     assert sim.boundary.floating.x[0] == pytest.approx((0.2, 0.25, 0.2))
     del state["floating"]

@@ -21,7 +21,7 @@ def body_row(body: Body) -> np.ndarray:
 
 def body_of(row: np.ndarray) -> Body:
     """Returns the body of a row, with the default friction. Raises ValueError."""
-    _check(row, BODY, "body")
+    row = _checked(row, BODY, "body")
     x, half, mass = row[1:4], row[4:7], float(row[7])
     if not (row[4:] > 0.0).all():
         raise ValueError("an added body has no size and mass")
@@ -51,7 +51,7 @@ def opening_row(opening: Opening) -> np.ndarray:
 
 def opening_of(row: np.ndarray, layers: int) -> Opening:
     """Returns the opening of a row in a scene of `layers` layers. Raises ValueError."""
-    _check(row, OPENING, "opening")
+    row = _checked(row, OPENING, "opening")
     if not (row[7:9] > 0.0).all() or not row[4:7].any() or not 0 <= row[16] < layers:
         raise ValueError("an added opening has no size, direction or layer")
     return Opening(
@@ -65,6 +65,8 @@ def opening_of(row: np.ndarray, layers: int) -> Opening:
     )
 
 
-def _check(row: np.ndarray, length: int, what: str) -> None:
+def _checked(row: np.ndarray, length: int, what: str) -> np.ndarray:
+    """Returns a row in double precision. Raises ValueError."""
     if row.shape != (length,) or row.dtype.kind != "f" or not (np.abs(row) <= LARGEST).all():
         raise ValueError(f"an added {what} is not {length} numbers of -{LARGEST:g} to {LARGEST:g}")
+    return row.astype(float)

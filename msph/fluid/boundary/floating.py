@@ -217,7 +217,7 @@ class FloatingBodies:
     def restore(self, state: np.ndarray) -> None:
         """Restores a state()."""
         self.x, turn, self.v, self.spin_momentum, self.received, held = np.split(
-            state, (3, 12, 15, 18, 24), axis=1
+            state.astype(float), (3, 12, 15, 18, 24), axis=1
         )
         self.held = held[:, 0] > 0.0
         self.step = 1.0
