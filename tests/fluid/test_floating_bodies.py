@@ -178,7 +178,7 @@ def test_checkpoint_holds_floating_bodies():
     sim.restore(state)
     assert sim.boundary.floating.state() == pytest.approx(there)
     assert sim.boundary.centre[0, 1].to_numpy() == pytest.approx(there[0, :3], abs=1e-6)
-    run(sim, 0.1)
+    record(sim, 0.1)
     assert (state["floating"] == there).all()
     sim.restore({**state, "floating": there.astype(np.float16)})
     assert sim.boundary.floating.state() == pytest.approx(there, rel=1e-3, abs=1e-6)
