@@ -270,12 +270,32 @@ def test_walls_without_slip_give_a_sine_profile_its_rate_of_decay():
     assert rate == pytest.approx(2.0 * (np.pi / 0.4) ** 2, rel=0.15)
 
 
-def test_walls_without_slip_act_symmetrically_and_brake():
-    """<a, lap b> = <b, lap a>, <a, lap a> < 0 for random velocities of two layers in a corner."""
+@pytest.fixture(scope="module")
+def corner():
+    """Returns particles of two layers with random velocities in a corner of walls without slip."""
     rng = np.random.default_rng(3)
     x = lattice((6, 6, 6), 0.04) + rng.uniform(-0.015, 0.015, (216, 3))
-    terms = ProjectionParameters(viscosity=1.0, slip=False)
-    sim = simulate((0.5,) * 3, [FINE, COARSE], x, rng.integers(0, 2, 216), terms=terms)
+    v, layer = rng.normal(size=x.shape), rng.integers(0, 2, 216)
+    terms = ProjectionParameters(viscosity=1.0, slip=False, tension=1.0)
+    return simulate((0.5,) * 3, [FINE, COARSE], x, layer, v, terms=terms)
+
+
+@pytest.mark.parametrize("term", [Viscosity, SurfaceTension])
+def test_a_term_records_the_impulse_of_the_walls(corner, term):
+    """Pair forces cancel: the momentum of the water changes by the impulse of the walls."""
+    solver, _ = prepare(corner)
+    corner.particles.pressure_multiplier.fill(0.0)
+    before, _, scale, _ = momenta(corner, MIDDLE)
+    solver.force(term).apply(1e-2, WEIGHTLESS)
+    given = momenta(corner, MIDDLE)[0] - before
+    assert np.abs(given).max() > 1e-4 * scale
+    recorded = solver.impulses.totals()[solver.impulses.sums.index(solver.impulses.wall_impulse)]
+    assert np.abs(recorded - given).max() < 1e-5 * scale
+
+
+def test_walls_without_slip_act_symmetrically_and_brake(corner):
+    """<a, lap b> = <b, lap a>, <a, lap a> < 0 for random velocities of two layers in a corner."""
+    sim, rng = corner, np.random.default_rng(4)
     solver, n = prepare(sim)
     volume = of_layers(sim, "volume")
     fields, found = rng.normal(size=(2, n, 3)), []

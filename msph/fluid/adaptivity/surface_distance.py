@@ -13,7 +13,7 @@ from typing import Any
 
 import taichi as ti
 
-from msph.fluid.boundary.body_shapes import END
+from msph.fluid.boundary.body_shapes import BEGIN
 from msph.fluid.particles import kernels
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.projection.discretisation import Discretisation
@@ -42,7 +42,7 @@ class SurfaceDistance:
     def __init__(self, room: Room, shared: Discretisation):
         self.constants, self.boundary = shared.constants, shared.boundary
         self.layers, self.particles = shared.layers, shared.particles
-        self.images = shared.images.mirror
+        self.mirror = shared.images.mirror
         self.coverage = ti.field(ti.f32, shape=room.depth_cells)
         self.air = ti.field(ti.i32, shape=room.depth_cells)
         # Squared distance [cells^2] to the nearest air cell, and its index; double-buffered.
@@ -103,10 +103,10 @@ class SurfaceDistance:
         for i in range(n):
             layer, x = self.particles.layer[i], self.particles.x[i]
             h = REACH * self.layers.spacing[layer] + self.constants.depth_margin[None]
-            volume, near = self.layers.volume[layer], self.images.walls_near(x, h)
-            for way in range(self.images.combinations(near)):
-                mirror, wall = self.images.mirror_and_wall(self.images.combination(way, near))
-                self._cover_by(self.images.reflected(x, mirror, wall), h, volume)
+            volume, near = self.layers.volume[layer], self.mirror.walls_near(x, h)
+            for way in range(self.mirror.combinations(near)):
+                mirror, wall = self.mirror.mirror_and_wall(self.mirror.combination(way, near))
+                self._cover_by(self.mirror.reflected(x, mirror, wall), h, volume)
 
     @kernel
     def _cover_by_bodies(self):
@@ -114,7 +114,7 @@ class SurfaceDistance:
         for c in range(self.cells()):
             at = ti.cast(self.cell_at(c, self.constants.depth_dims[None]), ti.f32)
             centre = (at + 0.5) * self.constants.depth_cell[None]
-            if self.boundary.clearance(centre, END) < 0.0:
+            if self.boundary.clearance(centre, BEGIN) < 0.0:
                 self.coverage[c] = 1.0
 
     @ti.func

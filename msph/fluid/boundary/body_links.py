@@ -26,7 +26,7 @@ vec3 = ti.math.vec3
 
 ATTRIBUTES = (
     Attribute("first_link", "-", "first link with a body", integer=True, carried=False),
-    Attribute("links", "-", "number of links with bodies at the last search", integer=True),
+    Attribute("links", "-", "with bodies at the last search", integer=True, inherited=False),
 )
 
 # Capacity for links per particle: a particle in a corner between two bodies and two walls has eight
@@ -65,7 +65,7 @@ class BodyLinks:
     ):
         self.constants, self.layers, self.boundary = boundary.constants, boundary.layers, boundary
         self.particles, self.impulses = particles, impulses
-        self.images = Mirrors(boundary.constants)
+        self.mirror = Mirrors(boundary.constants)
         self.capacity = LINKS_PER_PARTICLE * room.particles
         self.particle, self.body, self.mirrors = (
             ti.field(ti.i32, shape=self.capacity) for _ in range(3)
@@ -132,17 +132,17 @@ class BodyLinks:
         p = self.particles
         for i in range(n):
             x, h = p.x[i], self.boundary.support[p.layer[i]]
-            near = self.images.walls_near(x, h) & self._mirroring_walls()
-            combinations = self.images.combinations(near)
+            near = self.mirror.walls_near(x, h) & self._mirroring_walls()
+            combinations = self.mirror.combinations(near)
             count = 0
             for number in range(combinations):
-                count += self._count(i, self.images.combination(number, near), h)
+                count += self._count(i, self.mirror.combination(number, near), h)
             # Outside the loops, in which Mesa's software driver loses atomic operations.
             link = ti.atomic_add(self.found[None], count)
             first, limit = link, ti.min(link + count, self.capacity)
             if count > 0:
                 for number in range(combinations):
-                    self._add(i, self.images.combination(number, near), h, limit, link)
+                    self._add(i, self.mirror.combination(number, near), h, limit, link)
             p.first_link[i], p.links[i] = first, link - first
             # By rounding, a link that was counted may not be found: it has no effect.
             for empty in range(link, limit):
@@ -161,14 +161,14 @@ class BodyLinks:
         """Returns the walls that mirror a body, as bits."""
         found = 0
         for b in range(self.constants.bodies[None]):
-            found |= self.boundary.images[b, BEGIN]
+            found |= self.boundary.mirroring[b, BEGIN]
         return found
 
     @ti.func
     def _reaches(self, b, x, mirrors, h):
         """Returns False if body b is certainly farther than h [m] from the position x [m] mirrored
         by `mirrors`, or is not mirrored by these walls."""
-        mirrored = self.images.by_walls(mirrors, self.boundary.images[b, BEGIN]) == mirrors
+        mirrored = self.mirror.by_walls(mirrors, self.boundary.mirroring[b, BEGIN]) == mirrors
         return mirrored and self.boundary.reaches(b, x, h, BEGIN)
 
     @ti.func
@@ -179,8 +179,8 @@ class BodyLinks:
     @ti.func
     def _count(self, i, mirrors, h):
         """Returns the number of links that _add() stores."""
-        mirror, wall = self.images.mirror_and_wall(mirrors)
-        x, found = self.images.reflected(self.particles.x[i], mirror, wall), 0
+        mirror, wall = self.mirror.mirror_and_wall(mirrors)
+        x, found = self.mirror.reflected(self.particles.x[i], mirror, wall), 0
         for b in range(self.constants.bodies[None]):
             if self._reaches(b, x, mirrors, h) and self._links(b, x, self.particles.layer[i], h):
                 found += 1
@@ -190,8 +190,8 @@ class BodyLinks:
     def _add(self, i, mirrors, h, limit, link: ti.template()):
         """Stores the links of particle i by `mirrors` from index `link` to `limit`, and advances
         it."""
-        mirror, wall = self.images.mirror_and_wall(mirrors)
-        x = self.images.reflected(self.particles.x[i], mirror, wall)
+        mirror, wall = self.mirror.mirror_and_wall(mirrors)
+        x = self.mirror.reflected(self.particles.x[i], mirror, wall)
         for b in range(self.constants.bodies[None]):
             if self._reaches(b, x, mirrors, h) and self._links(b, x, self.particles.layer[i], h):
                 if link < limit:
@@ -262,7 +262,7 @@ class BodyLinks:
         """Adds an impulse [N s] on the body of a link, in the frame of the particle, for record();
         it acts at the foot of the perpendicular from the mirrored particle. Only the thread of the
         link's particle may call this."""
-        push = self.images.mirror_and_wall(self.mirrors[link])[0] * impulse
+        push = self.mirror.mirror_and_wall(self.mirrors[link])[0] * impulse
         foot = self.place[link] - self.distance[link] * self.normal[link]
         self.pushed[link] = self.pushed[link] + push
         self.twisted[link] = self.twisted[link] + foot.cross(push)

@@ -349,10 +349,10 @@ class Boundary(BodyShapes):
             velocity=np.stack([self.velocities] * 2, axis=1),
             spin=np.stack([self.spins] * 2, axis=1),
             inverse_inertia=inverse_inertia,
-            images=self._image_walls(centres, turns),
+            mirroring=self._mirroring_walls(centres, turns),
         )
 
-    def _image_walls(self, centres: np.ndarray, turns: np.ndarray) -> np.ndarray:
+    def _mirroring_walls(self, centres: np.ndarray, turns: np.ndarray) -> np.ndarray:
         """Returns the walls, as bits, that mirror each body in each pose, (bodies, 2): those within
         a kernel's reach that it does not cross."""
         turned = np.where(self._round[:, None, None, None], np.eye(3), np.abs(turns))

@@ -6,7 +6,7 @@ Walls and bodies stop particles. Kernels are completed by images beyond walls an
 
 import taichi as ti
 
-from msph.fluid.boundary.body_shapes import END
+from msph.fluid.boundary.body_shapes import BEGIN, END
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.walls import NO_WALL, Walls
 from msph.fluid.impulse_ledger import ImpulseLedger
@@ -67,7 +67,7 @@ class Contact:
             self.impulses.wall_work.total[None] += work
 
     def refresh_clearance(self) -> None:
-        """Computes the distance of each particle from the nearest body."""
+        """Computes the distance of each particle from the nearest body in the middle of a step."""
         if self.boundary.count:
             self._find_clearance(self.particles.count)
 
@@ -129,7 +129,8 @@ class Contact:
     def _rebound(self, b, x, v, m, normal):
         """Returns the change of the velocity v [m/s] of a particle of mass m [kg] at x [m] by
         contact with body b."""
-        arm, own = x - self.boundary.centre[b, END], self.boundary.velocity_at(b, x)
+        arm = x - self.boundary.centre[b, END]
+        own = self.boundary.velocity[b, END] + self.boundary.spin[b, END].cross(arm)
         inward, turn = ti.min((v - own).dot(normal), 0.0), arm.cross(normal)
         mobility = turn.dot(self.boundary.inverse_inertia[b, END] @ turn)
         mobility = m * self.touches[b] * (mobility + self.boundary.inverse_mass[b])
@@ -167,7 +168,7 @@ class Contact:
     @kernel
     def _find_clearance(self, n: ti.i32):
         for i in range(n):
-            self.particles.clearance[i] = self.boundary.clearance(self.particles.x[i], END)
+            self.particles.clearance[i] = self.boundary.clearance(self.particles.x[i], BEGIN)
 
     @kernel
     def _count_leaked(self, n: ti.i32, bodies: ti.template()) -> ti.i32:

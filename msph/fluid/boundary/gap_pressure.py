@@ -8,7 +8,7 @@ between particle and sample. This replaces what links exert there: a link is spr
 around as normal forces A W (n.S) n that add up to G, with S = M^-1 G and M = sum A W n n^T. With
 the share w of the sample that lies in the gap,
 
-    V_i G_i += -w A n s_i/sum(s) - w A V_i W (n.S_i) n
+    V_i G_i += -w A n AT_FACE s_i/sum(s) - w A V_i W (n.S_i) n
 
 before the pressures are solved, likewise T. Gaps are thus part of the same symmetric operator:
 water around a gap that widens moves into it, and no energy is added. The opposite acts on the body

@@ -8,7 +8,7 @@ Operators use entries of neighbours and images alike (docs/method.md, "One entry
 
 An image in walls is never nearer to i than its particle j, so the images within reach are found
 among the neighbours. Walls of constant density (the kernel's integral behind a plane) transmit only
-half of the pressure force (docs/method.md, "Walls and bodies").
+half of the pressure force (docs/trials.md, "Walls and bodies").
 
 Beyond a plane face particle j has an image at the distance sqrt(r_ij^2 + 4 s_i s_j) from particle
 i, s the distances from the face. The same distance serves for any face: it depends on the two
@@ -230,7 +230,7 @@ class Images:
         walls, some of which may mirror the body."""
         links, b, found = self.links, self.links.body[link], BodyImage(partner=-1)
         both = links.mirrors[link] ^ mirrors
-        own = self.mirror.by_walls(both, self.boundary.images[b, BEGIN])
+        own = self.mirror.by_walls(both, self.boundary.mirroring[b, BEGIN])
         # Images of images, by both walls of an axis, are out of reach.
         if ((both >> 3) & ~both & 7) == 0:
             first = self.particles.first_link[j]

@@ -23,7 +23,7 @@ class BodyForce(Force):
 
     def __init__(self, shared: Discretisation):
         super().__init__(shared)
-        self.virial = VirialPressure(shared, shared.density)
+        self.virial = VirialPressure(shared)
 
     def apply(self, dt: float, external: ExternalForces) -> None:
         numbers = external.field(), external.hand.numbers()

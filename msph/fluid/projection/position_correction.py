@@ -26,7 +26,7 @@ ATTRIBUTES = (
     Attribute("position_correction", "m", "displacement that ends crowding", 3, carried=False),
     Attribute("crowding", "-", "2: corrected first, 1: displaced", integer=True, carried=False),
     Attribute("velocity_exchange", "m/s", "change by neighbours", 3, carried=False),
-    Attribute("exchange_share", "-", "largest share of a pair's exchange", carried=False),
+    Attribute("exchange_share", "-", "largest share of its exchanges", carried=False),
     Attribute("relative_speed", "m/s", "largest past neighbours and walls", carried=False),
 )
 
@@ -173,8 +173,8 @@ class PositionCorrection:
 
     @ti.func
     def _exchange(self, i, s):
-        """Returns the relative displacement (-) of particle i and that of entry s, over their
-        distance."""
+        """Returns minus the displacement of particle i and entry s relative to each other by this
+        pair, over their distance (-), times i's part."""
         p, j = self.particles, self.neighbours.index[s]
         r_ij = p.x[i] - p.x[j]
         slope = self.pair_gradient[s].dot(r_ij) / ti.max(r_ij.norm_sqr(), MIN_DISTANCE**2)
@@ -218,11 +218,13 @@ class PositionCorrection:
                 if p.links[i] > 0:
                     x = self.contact.cleared(x, margin, BEGIN)
             p.x[i] = x
-            p.v[i] += p.velocity_exchange[i]
+            # Before time starts (dt = 0) water keeps its initial velocities.
+            if dt > 0.0:
+                p.v[i] += p.velocity_exchange[i]
             d, speed = self.layers.spacing[p.layer[i]], p.v[i].norm()
             relative = ti.math.clamp(p.relative_speed[i], speed / MOTION_FACTOR, speed)
             if p.predicted_density[i] < self.constants.spray[None] * rest_density:
-                speed /= SPRAY_MOTION_FACTOR
+                speed /= SPRAY_MOTION_FACTOR  # in both results
                 relative = speed
             # Compared first, since a GPU executes atomic maxima of one number one by one.
             if speed * dt / d > longest:

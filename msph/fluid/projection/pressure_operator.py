@@ -45,7 +45,7 @@ class PressureOperator:
         u, own = ti.Vector([0.0, 0.0, 0.0]), q[i]
         for s in range(self.particles.first_image[i], self.particles.image_end[i]):
             u -= (own + q[self.images.index[s]]) * self.images.gradient[s]
-        return u
+        return ti.select(self.particles.prescribed[i] > 0, 0.0, 1.0) * u
 
     @ti.func
     def divergence(self, i, field: ti.template()):

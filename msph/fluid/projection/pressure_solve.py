@@ -66,7 +66,7 @@ class PressureSolve:
         self.conjugate_gradient = ConjugateGradient(
             shared, shared.operator, p.residual, p.direction, diagonal=p.diagonal, active=p.active
         )
-        self.virial = VirialPressure(shared, shared.density)
+        self.virial = VirialPressure(shared)
 
     @kernel
     def build_rhs(self, n: ti.i32, dt: ti.f32):
@@ -82,16 +82,16 @@ class PressureSolve:
             rate, closing = self.operator.divergences(i, p.v, p.position_correction)
             if ti.static(self.traits.bodies):
                 rate += self.links.inflow(i)
-            c = self.density.excess(i) + closing
-            p.predicted_density[i] = self.constants.rest_density[None] * (1.0 + c)
-            if self.density.relative(i) + closing < self.constants.spray[None]:
+            excess, after = self.density.excess(i) + closing, self.density.relative(i) + closing
+            p.predicted_density[i] = self.constants.rest_density[None] * after
+            if after < self.constants.spray[None]:
                 rate = ti.min(rate, 0.0)
-            share = ti.max(dt / self.constants.release[None], -c / GAP_DEFICIT)
-            removed = ti.min(share, 1.0) * c
+            share = ti.max(dt / self.constants.release[None], -excess / GAP_DEFICIT)
+            removed = ti.min(share, 1.0) * excess
             # Halves of a split are crowded until the position correction has moved them apart.
             # Where velocities are prescribed, no multiplier could lower an excess.
             held = p.settling[i] > 0 or p.prescribed[i] > 0
-            removed = ti.select(held and c > 0.0, 0.0, removed)
+            removed = ti.select(held and excess > 0.0, 0.0, removed)
             p.rhs[i] = dt * rate + removed
             last = p.pressure_multiplier[i]
             start = 0.5 * (last + p.previous_multiplier[i])

@@ -38,10 +38,10 @@ class ShearRelief(Force):
     T_i L_i M_i = T_i, which is zero, so angular momentum is kept.
 
     Images in bodies move with the mirrored velocities of their particles, so that faces exert
-    forces along their normals only. longest [s]: the longest step that motion and pressure allow.
+    forces along their normals only. fitting_step [s]: the longest that motion and pressure allow.
     """
 
-    longest = math.inf
+    fitting_step = math.inf
 
     ATTRIBUTES = (
         Attribute("normal_stress", "Pa", "diagonal of the last step's virial stress", 3),
@@ -58,8 +58,8 @@ class ShearRelief(Force):
 
     def apply(self, dt: float, external: ExternalForces) -> None:
         """Advances the velocities by dt [s] under div T, with the stresses of the last step, which
-        do not fit the positions after steps beyond `longest`."""
-        impulse = self.share * dt * min(max(2.0 - dt / self.longest, 0.0), 1.0)
+        do not fit the positions after steps beyond `fitting_step`."""
+        impulse = self.share * dt * min(max(2.0 - dt / self.fitting_step, 0.0), 1.0)
         self._accelerate(self.particles.count, impulse)
 
     @kernel

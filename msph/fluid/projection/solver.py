@@ -185,9 +185,10 @@ class Projection:
             crowded = self.position_correction.find(0.0) > ARRANGED_EXCESS
             if crowded:
                 self.position_correction.apply(0.0)
-            self.particles_moved()
             if self.adaptation:
+                # Displacements are small: the list is good enough to split and merge.
                 unchanged = 0 if self.adaptation.run(budget=1.0) else unchanged + 1
+            self.particles_moved()
             settled = not self.adaptation or unchanged > self.adaptation.parameters.settle
             if settled and not crowded:
                 break
@@ -268,16 +269,16 @@ class Projection:
         with stage("position correction"):
             self.position_correction.find(dt)  # density, v -> displacements, applied below
         with stage("forces"):
-            self.inertia_work.push(dt, external)
             # Before gravity: the pressure of water at rest undoes the velocities by gravity.
             self.beaches.damp(dt)  # x, v -> v
+            self.inertia_work.push(dt, external)  # x, v -> impulse of the inertial forces
             if relief := self.force(ShearRelief):
-                relief.longest = 1.0 / self.max_rate if self.max_rate else math.inf
+                relief.fitting_step = 1.0 / self.max_rate if self.max_rate else math.inf
             for force in self.forces:
                 force.apply(dt, external)  # x, v, last pressures -> v
         with stage("pressure"):
-            # v, density, displacements -> right-hand side; last two pressures -> initial guess
             self.openings.prescribe()  # speeds of inflows -> v in their zones
+            # v, density, displacements -> right-hand side; last two pressures -> initial guess
             self.pressure_solve.build_rhs(self.particles.count, dt)
             self.iterations = self.pressure_solve.solve(dt)  # right-hand side, v -> multipliers
             # multipliers, v -> pressure, stress, v of particles and floating bodies

@@ -82,11 +82,13 @@ class SurfaceTension(Force):
                 j, g = self.neighbours.index[s], self.density.pair_gradient[s]
                 n_j = self.particles.normal[j]
                 total += self._pair_term(g, layer, j, x - self.particles.x[j], normal, n_j)
+            by_walls = ti.Vector([0.0, 0.0, 0.0])
             for s in range(self.particles.first_image[i], self.particles.body_image[i]):
                 j, g = self.images.index[s], self.images.gradient[s]
                 n_j = self.images.mirrored(s, self.particles.normal[j])
-                total += self._pair_term(g, layer, j, self.images.arm[s], normal, n_j)
-            self.particles.v[i] -= impulse * total
+                by_walls += self._pair_term(g, layer, j, self.images.arm[s], normal, n_j)
+            self.impulses.wall_impulse.add(i, -self.layers.mass[layer] * impulse * by_walls)
+            self.particles.v[i] -= impulse * (total + by_walls)
 
     @ti.func
     def _pair_term(self, g, layer, j, r_ij, n_i, n_j):

@@ -16,8 +16,7 @@ by the hydrostatic pressure between particle and image.
 
 import taichi as ti
 
-from msph.fluid.parts import Parts
-from msph.fluid.projection.density import Density
+from msph.fluid.projection.discretisation import Discretisation
 from msph.fluid.small_numbers import MIN_WEIGHT
 from msph.launches import data_oriented
 from msph.taichi_internals import longest_float
@@ -47,11 +46,11 @@ class VirialPressure:
     rest single precision rounds off alike in every step, and the momentum drifts.
     """
 
-    def __init__(self, parts: Parts, density: Density):
-        self.constants = parts.constants
-        self.layers, self.particles = parts.layers, parts.particles
-        self.neighbours, self.images = parts.neighbours, parts.images
-        self.pair_gradient, self.links = density.pair_gradient, parts.links
+    def __init__(self, shared: Discretisation):
+        self.constants = shared.constants
+        self.layers, self.particles = shared.layers, shared.particles
+        self.neighbours, self.images = shared.neighbours, shared.images
+        self.pair_gradient, self.links = shared.density.pair_gradient, shared.links
         self.long_vector = ti.types.vector(3, longest_float())
         self.Evaluation = ti.types.struct(
             inner=self.long_vector,

@@ -154,8 +154,11 @@ class Viscosity(Force):
 
     @kernel
     def _apply_change(self, n: ti.i32):
-        """Adds the change to v, and subtracts the pressure's part."""
+        """Adds the change to v, and subtracts the pressure's part. Pair forces cancel, so that the
+        sum of the changes is the impulse of the walls."""
         p = self.particles
         ti.loop_config(serialize=self.traits.light)
         for i in range(n):
-            p.v[i] += p.viscous_change[i] - p.pressure_velocity[i]
+            change = p.viscous_change[i]
+            self.impulses.wall_impulse.add(i, self.layers.mass[p.layer[i]] * change)
+            p.v[i] += change - p.pressure_velocity[i]
