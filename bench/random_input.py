@@ -17,7 +17,7 @@ from msph.scene.quality import at_quality, single_quality_reason
 from msph.scene.schema import Scene
 from msph.stage.controls import Inputs, ToolUse
 from msph.stage.loop import Audience, run
-from msph.stage.recording import Frame, Header, Recording
+from msph.stage.recording import Header, RecordedFrame, Recording
 from msph.stage.replaying import Replayer
 from msph.stage.row import Row
 from msph.stage.show import SIMULATED, Show
@@ -58,7 +58,7 @@ class Gestures:
         """Returns `number` gestures in the scene `name`, and the time without input after them."""
         inputs = [frame for _ in range(number) for frame in self.gesture()]
         inputs += self.end()
-        frames = [Frame(k, 0.0, each) for k, each in enumerate(inputs)]
+        frames = [RecordedFrame(k, 0.0, each) for k, each in enumerate(inputs)]
         return Recording(Header(1, "", name, ""), frames)
 
     def gesture(self) -> Iterator[Inputs]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from msph.lesson.course import Progress
 from msph.lesson.load import Course
-from msph.lesson.paint import LETTERS, Band, Reasons, band_height
+from msph.lesson.paint import LETTERS, Reasons, TaskBar, band_height
 from msph.picture.overlay import Overlay
 from msph.stage.input_overlay import InputOverlay
 from msph.stage.keys import ACTIONS
@@ -33,7 +33,7 @@ class Guide(InputOverlay):
         self.reasons = Reasons(course.lesson, course.code, size, self.text)
         self.progress = Progress(course, row, self.reasons.pages)
         self.below = band_height(self.text)
-        self.band = Band((size[0], self.below), self.text)
+        self.band = TaskBar((size[0], self.below), self.text)
         self.overlay = Overlay(*size, {"band": (size[0], self.below), "why": size})
         self.page, self.full_page = (Page(self.overlay, name) for name in ("band", "why"))
         self.read, self.shown = -np.inf, list[str]()

@@ -29,7 +29,7 @@ def band_height(text: int) -> int:
     return round(LINES * LINE * text)
 
 
-class Band:
+class TaskBar:
     """Painter of the band; size (width, height) and text height [pixels]."""
 
     def __init__(self, size: tuple[int, int], text: int):

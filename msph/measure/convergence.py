@@ -50,7 +50,7 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Row:
+class Convergence:
     """A figure: name, unit, values from the coarsest run to the finest, and estimate."""
 
     name: str
@@ -123,7 +123,7 @@ def _mean(values: np.ndarray) -> float:
     return float(np.nanmean(values)) if np.isfinite(values).any() else math.nan
 
 
-def compare(ledgers: list[dict], probes: list[dict], spacing: float) -> list[Row]:
+def compare(ledgers: list[dict], probes: list[dict], spacing: float) -> list[Convergence]:
     """Returns the rows from the tables of runs, coarse to fine (see table.read).
 
     Rows are means over the run of kinetic energy, every probe and the centre of mass, along axes in
@@ -150,13 +150,13 @@ def compare(ledgers: list[dict], probes: list[dict], spacing: float) -> list[Row
         for a, b in itertools.pairwise(paths)
     ]
     found = _estimate_from_distances(distances)
-    rows.append(Row("path_to_next_finer", "m", [*distances, math.nan], found))
+    rows.append(Convergence("path_to_next_finer", "m", [*distances, math.nan], found))
     return rows
 
 
-def _row(name: str, unit: str, values: list) -> Row:
+def _row(name: str, unit: str, values: list) -> Convergence:
     values = [float(v) for v in values]
-    return Row(name, unit, values, estimate(values))
+    return Convergence(name, unit, values, estimate(values))
 
 
 def _lost(ledger: dict) -> float:
@@ -181,14 +181,14 @@ def _estimate_from_distances(distances: list[float]) -> Estimate:
 ESTIMATE_HEADS = ["order", "limit", "error", "uncertainty", "verdict"]
 
 
-def _cells(row: Row, digits: int, unknown: str) -> list[str]:
+def _cells(row: Convergence, digits: int, unknown: str) -> list[str]:
     e = row.estimate
     numbers = [*row.values, e.order, e.limit, e.error, e.uncertainty]
     shown = (unknown if math.isnan(v) else f"{v:.{digits}g}" for v in numbers)
     return [row.name, row.unit, *shown, e.verdict]
 
 
-def write(path: Path, rows: list[Row], spacings: list[float]) -> None:
+def write(path: Path, rows: list[Convergence], spacings: list[float]) -> None:
     """Writes convergence.csv: a line for the finest spacing [m] of each run, run_1 the coarsest,
     and a line for each figure in its unit."""
     heads = ["quantity", "unit", *(f"run_{k + 1}" for k in range(len(spacings))), *ESTIMATE_HEADS]
@@ -198,7 +198,7 @@ def write(path: Path, rows: list[Row], spacings: list[float]) -> None:
         csv.writer(file, lineterminator="\n").writerows([heads, first, *cells])
 
 
-def text(rows: list[Row], spacings: list[float]) -> str:
+def text(rows: list[Convergence], spacings: list[float]) -> str:
     """Returns the printed table and its verdict."""
     heads = ["", "", *(f"{1e3 * d:.3g} mm" for d in spacings), *ESTIMATE_HEADS]
     cells = [_cells(row, 4, "-") for row in rows]
@@ -210,7 +210,7 @@ def text(rows: list[Row], spacings: list[float]) -> str:
     return f"{printed}\n{verdict}"
 
 
-def as_json(rows: list[Row]) -> list[dict]:
+def as_json(rows: list[Convergence]) -> list[dict]:
     """Returns the rows for the summary of the finest run."""
     return [
         {

@@ -1,7 +1,7 @@
 """Recorded input of a user: a text file with a scene and the input of each frame.
 
-The file consists of JSON lines: a Header, then a Frame for each frame in which time passes or the
-input changes. Places are in the box frame, so that a recording needs no window and no camera.
+The file consists of JSON lines: a Header, then a RecordedFrame for each frame in which time passes
+or the input changes. Places are in the box frame: a recording needs no window and no camera.
 """
 
 import json
@@ -50,7 +50,7 @@ class Header:
 
 
 @dataclass(frozen=True)
-class Frame:
+class RecordedFrame:
     """Input of a frame. frame: its number, from 0; time [s]: simulated time at its start."""
 
     frame: NonNegativeInt
@@ -66,7 +66,7 @@ class Frame:
         return 0.0 if given.still else given.until or given.frame_time or 0.0
 
 
-HEADER, FRAME = TypeAdapter(Header), TypeAdapter(Frame)
+HEADER, FRAME = TypeAdapter(Header), TypeAdapter(RecordedFrame)
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Recording:
     """A header and at least one frame."""
 
     header: Header
-    frames: list[Frame]
+    frames: list[RecordedFrame]
 
     @cached_property
     def duration(self) -> float:
@@ -109,7 +109,7 @@ class Recording:
                     raise RecordingError(f"{where}: is {value:g}, must be {lo:g} to {hi:g}")
 
 
-def line_of(part: Header | Frame) -> str:
+def line_of(part: Header | RecordedFrame) -> str:
     """Returns a line of a recording, without values that are defaults."""
     adapter: TypeAdapter = HEADER if isinstance(part, Header) else FRAME
     return json.dumps(adapter.dump_python(part, exclude_defaults=True)) + "\n"

@@ -9,7 +9,7 @@ from msph.own_files import writing
 from msph.stage.controls import Controls, Inputs
 from msph.stage.loop import Audience
 from msph.stage.preparation import say
-from msph.stage.recording import Frame, Header, Recording, line_of
+from msph.stage.recording import Header, RecordedFrame, Recording, line_of
 from msph.stage.row import Row
 
 
@@ -66,7 +66,7 @@ class InputRecorder(Relay):
             given = replace(given, frame_time=asked, until=until)
         # A pause needs no line for each of its frames.
         if not self.ended and (not given.still or given != self.written):
-            self.lines.append(line_of(Frame(self.frame, self.time, given)))
+            self.lines.append(line_of(RecordedFrame(self.frame, self.time, given)))
             with writing(self.path), open(self.path, "a" if self.began else "w") as file:
                 file.writelines(self.lines)
             self.lines, self.began, self.written = [], True, given

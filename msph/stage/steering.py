@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from msph.stage.controls import ToolUse
-from msph.stage.pushing import Contact
 from msph.stage.row import Row
 from msph.stage.tools import TOOLS
+from msph.stage.water_cursor import WaterCursor
 from msph.stage.window import BUTTONS, Window
 
 ORBIT_PER_WIDTH = math.radians(200.0)  # orbit of a drag across the window's width [rad]
@@ -33,7 +33,7 @@ class Steering:
     the cursor since the previous frame."""
 
     def __init__(self, window: Window, row: Row):
-        self.window, self.row, self.contact = window, row, Contact()
+        self.window, self.row, self.contact = window, row, WaterCursor()
         self.tool = TOOLS[0]
         self.tilt: Any = np.zeros(2)
         self.rate: Any = np.zeros(2)

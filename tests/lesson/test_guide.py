@@ -9,7 +9,7 @@ from msph.errors import BlowUpError
 from msph.lesson.course import Progress
 from msph.lesson.guide import Guide
 from msph.lesson.load import load_lesson
-from msph.lesson.paint import PAD, Band, band_height, folded
+from msph.lesson.paint import PAD, TaskBar, band_height, folded
 from msph.lesson.student import Student
 from msph.picture.pixels import Image
 from msph.stage.sheet import Sheet, text_height
@@ -98,7 +98,7 @@ def test_each_answer_is_explained_and_fits_its_page(name, monkeypatch):
     course, size = load_lesson(name), (960, 540)
     text = text_height(size[1])
     low = band_height(text)
-    band, drawn = Band((size[0], low), text), []
+    band, drawn = TaskBar((size[0], low), text), []
 
     def lines(self, texts, x, y, colour, width):
         below = original(self, texts, x, y, colour, width)

@@ -215,9 +215,9 @@ def test_the_panel_fits_the_window_and_is_painted_only_when_it_changes(player, s
     press(player, show, "i")
     column = player.layout.column
     before = player.window.image.to_numpy()[:column]
-    monkeypatch.setattr(player.menu.panel, "paint", None)
-    frames(player, show)
-    monkeypatch.undo()
+    with monkeypatch.context() as patched:
+        patched.setattr(player.menu.panel, "paint", lambda *_: pytest.fail("painted again"))
+        frames(player, show)
     press(player, show, " ")
     move(player, show, "gravity", 3.0)
     after = player.window.image.to_numpy()[:column]

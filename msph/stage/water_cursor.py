@@ -10,10 +10,10 @@ from msph.stage.show import Show
 from msph.stage.tools import HOVER, PRESS_TIME, Tool
 
 
-class Contact:
-    """Contact of the cursor with the water. place: its position [m] in the box frame, None without
-    contact; over: the show under the cursor; holds: True while a pressed button holds the water;
-    held: duration of this hold [s]."""
+class WaterCursor:
+    """The cursor on the water. place: its position [m] in the box frame, None outside of the water;
+    over: the show under the cursor; holds: True while a pressed button holds the water; held:
+    duration of this hold [s]."""
 
     def __init__(self) -> None:
         self.place: Any = None
