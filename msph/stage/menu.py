@@ -13,7 +13,7 @@ from msph.scene.quality import at_quality
 from msph.stage.called import Choice, SceneArguments
 from msph.stage.layout import Layout
 from msph.stage.pacer import Pacer
-from msph.stage.panel import Panel, Request
+from msph.stage.panel import Panel
 from msph.stage.row import Row
 
 # Time [s] without another selection before the selected scene is built.
@@ -56,22 +56,23 @@ class Menu:
     def touch(self, cursor: np.ndarray, down: bool, pressed: bool) -> None:
         """Handles the left mouse button over the panel; see Page.act."""
         acted = self.layout.pages["settings"].act(cursor, down, pressed)
-        for request in self.panel.act(*acted) if acted else ():
-            self.apply(request)
-        self.layout.page = self.panel.page
-
-    def apply(self, request: Request) -> None:
-        """Carries out a request of the panel."""
-        if request.kind == "set":
-            self.set(request.name, request.value)
-        elif request.kind == "reset":
-            self.set(request.name, None)
-        elif request.kind == "view":
-            self.row.lead.display.views.name = request.name
-        elif request.kind == "scene":
-            self.select(Choice(request.name, self.choice.quality))
-        elif request.kind == "quality":
-            self.select(Choice(self.choice.scene, request.name, self.row.lead.changes()))
+        if acted is None:
+            return
+        name, value = acted
+        kind, _, chosen = name.partition(" ")
+        if value is not None:
+            self.set(name, value)
+        elif kind == "page":
+            self.panel.page = self.layout.page = chosen
+        elif kind == "reset":
+            for live in self.panel.here():
+                self.set(live.key, None)
+        elif kind == "view":
+            self.row.lead.display.views.name = chosen
+        elif kind == "scene" and chosen != self.choice.scene:
+            self.select(Choice(chosen, self.choice.quality))
+        elif kind == "quality" and chosen != self.choice.quality_now:
+            self.select(Choice(self.choice.scene, chosen, self.row.lead.changes()))
 
     def step(self, by: int) -> None:
         """Moves the selection among the shipped scenes."""

@@ -1,7 +1,5 @@
 """Settings panel: sliders of the live parameters, buttons for views, scenes and qualities."""
 
-from dataclasses import dataclass
-
 from msph.options import AUTO, QUALITIES
 from msph.scene.library import shipped_scenes
 from msph.scene.live import Live, live_parameters, read
@@ -20,15 +18,6 @@ PER_ROW, PAD = 3, 0.5
 RESET = "reset to the scene's values"
 
 
-@dataclass(frozen=True)
-class Request:
-    """A user request: kind ("set", "reset", "view", "scene", "quality"), name and value."""
-
-    kind: str
-    name: str
-    value: float = 0.0
-
-
 class Panel:
     """Panel of a scene (name or file) at a quality. page: the open one of PAGES."""
 
@@ -38,7 +27,7 @@ class Panel:
 
     def content(self, show: Show) -> tuple:
         """Returns all that the open page shows."""
-        values = tuple(read(show.scene, live.key) for live in self._here())
+        values = tuple(read(show.scene, live.key) for live in self.here())
         return self.page, show.display.views.name, values
 
     def paint(self, show: Show, size: tuple[int, int], text: int) -> Sheet:
@@ -56,25 +45,13 @@ class Panel:
         draw(sheet, show, (pad, size[0] - pad), y)
         return sheet
 
-    def act(self, name: str, value: float | None) -> list[Request]:
-        """Returns the requests of a slider with its value, or of a button; see Page.act."""
-        if value is not None:
-            return [Request("set", name, value)]
-        kind, _, name = name.partition(" ")
-        if kind == "page":
-            self.page = name
-            return []
-        if kind == "reset":
-            return [Request("reset", live.key) for live in self._here()]
-        return [] if name in (self.scene, self.quality) else [Request(kind, name)]
-
-    def _here(self) -> list[Live]:
+    def here(self) -> list[Live]:
         """Live parameters of the open page."""
         return [x for x in self.live if PAGE_OF.get(x.key.partition(".")[0], "water") == self.page]
 
     def _sliders(self, sheet: Sheet, show: Show, x: tuple[float, float], y: float) -> None:
         """Draws a line with name and value, and a slider, for each parameter."""
-        for live in self._here():
+        for live in self.here():
             value = read(show.scene, live.key)
             unit = "" if live.unit == "-" else f" {live.unit}"
             sheet.write(x[0], y, live.label)

@@ -14,7 +14,6 @@ from msph.stage.autosave import About, LostSession
 from msph.stage.called import Choice, SceneArguments
 from msph.stage.controls import Controls
 from msph.stage.keys import ACTIONS
-from msph.stage.panel import Request
 from msph.stage.player import SLOW_MOTION
 from tests.stage.player_kit import FRAME, HEIGHT, WIDTH, frames, press
 from tests.tiers import slow_but
@@ -306,7 +305,7 @@ def test_random_input_at_a_window_loses_no_water(player, show, seed):
             elif kind == 3:
                 live = dice.choice(player.menu.panel.live)
                 value = dice.uniform(live.lo, live.hi)
-                player.menu.apply(Request("set", live.key, value))
+                player.menu.set(live.key, value)
             else:
                 window.held.clear()
         frames(player, show)

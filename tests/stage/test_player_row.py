@@ -10,7 +10,6 @@ from msph.measure.timings import Timings
 from msph.scene.live import with_live_value
 from msph.stage.controls import Controls
 from msph.stage.layout import Layout
-from msph.stage.panel import Request
 from msph.stage.row import Row
 from msph.stage.show import INTERACTIVE, Show
 from tests.stage.player_kit import (
@@ -142,10 +141,10 @@ class TestRow:
         second = row.shows[1]
         player = played(row, wide)
         second.initial = with_live_value(second.initial, "gravity", 3.0)
-        player.menu.apply(Request("set", "gravity", 7.0))
+        player.menu.set("gravity", 7.0)
         frames(player)
         assert math.hypot(*second.scene.gravity) == pytest.approx(7.0)
-        player.menu.apply(Request("reset", "gravity"))
+        player.menu.set("gravity", None)
         frames(player)
         assert math.hypot(*second.scene.gravity) == pytest.approx(3.0)
         assert math.hypot(*row.lead.scene.gravity) == pytest.approx(9.81)
