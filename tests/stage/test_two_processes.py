@@ -24,7 +24,7 @@ from msph.stage.controls import Controls, ToolUse
 from msph.stage.layout import Layout
 from msph.stage.link import Files, Order
 from msph.stage.process import simulations, start_simulations
-from msph.stage.recording import Frame, Header, line_of, read
+from msph.stage.recording import Header, RecordedFrame, line_of, read
 from msph.stage.remote import Remote, SimulationError
 from msph.stage.show import INTERACTIVE, Show
 from tests.scenes_kit import write
@@ -106,7 +106,8 @@ def test_a_capture_in_two_processes_equals_one_in_a_single_process(replayed, tmp
     if replayed:
         replay, header = tmp_path / "input.jsonl", Header.of(scene, "large")
         given = enumerate(i.inputs() for i in inputs() if not i.still)
-        replay.write_text("".join(map(line_of, [header, *(Frame(k, 0.0, i) for k, i in given)])))
+        lines = [header, *(RecordedFrame(k, 0.0, i) for k, i in given)]
+        replay.write_text("".join(map(line_of, lines)))
     found = []
     for name, started in ("one", False), ("two", True):
         images, again = tmp_path / f"{name}_%02d.png", tmp_path / f"{name}.jsonl"
