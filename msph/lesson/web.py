@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from msph.export.video import even, video_writer
 from msph.lesson import typeset
 from msph.lesson.course import Progress
 from msph.lesson.load import Course, shipped_lessons
@@ -20,7 +21,6 @@ from msph.lesson.schema import SliderOf
 from msph.lesson.student import FRAME, Student, rehearse
 from msph.own_files import claim, replace
 from msph.stage.preparation import prepare_row
-from msph.stage.recorder import even, video_writer
 
 TEMPLATE = Path(__file__).with_name("page.html")
 # Size of images and videos [pixels]; a video shows every SKIP-th frame.

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image as Picture
 
+from msph.export.video import check_video, even, video_writer
 from msph.own_files import writing
 from msph.picture.pixels import Image, as_rows, packed
-from msph.stage.recorder import check_video, even, video_writer
 
 # Largest duration [s], frame rate, and memory [bytes], which may shorten the duration.
 SPAN, FPS, MOST_BYTES = 10.0, 24.0, 256 << 20

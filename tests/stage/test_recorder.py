@@ -17,6 +17,7 @@ from PIL import Image
 from msph.export import usd
 from msph.export.files import write_particles
 from msph.export.outputs import Outputs, check_outputs
+from msph.export.video import check_video, video_writer
 from msph.export.vtu import write_bodies
 from msph.fluid.boundary.rigid_bodies import Ball
 from msph.measure.body_table import BodyTable
@@ -26,7 +27,7 @@ from msph.scene import load_scene
 from msph.scene.parts import with_value
 from msph.stage import loaded
 from msph.stage.loop import run
-from msph.stage.recorder import LostOutputError, Recorder, check_video, video_writer
+from msph.stage.recorder import LostOutputError, Recorder
 from msph.stage.row import Row
 from msph.stage.show import SIMULATED, Show
 from tests.command_kit import here
