@@ -16,9 +16,9 @@ from msph.scene.live import live_parameters
 from msph.scene.quality import at_quality, single_quality_reason
 from msph.scene.schema import Scene
 from msph.stage.controls import Inputs, ToolUse
+from msph.stage.input_relays import Replayer
 from msph.stage.loop import Audience, run
-from msph.stage.recording import Header, RecordedFrame, Recording
-from msph.stage.replaying import Replayer
+from msph.stage.recorded_input import Header, RecordedFrame, Recording
 from msph.stage.row import Row
 from msph.stage.show import SIMULATED, Show
 from msph.stage.tools import HOVER, TOOLS

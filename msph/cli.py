@@ -168,8 +168,8 @@ def play(scene, run, **options):
     every 5 s; after a crash, the next one offers to continue it.
     """
     with importing():
-        from msph.stage import playing
-    playing.play(scene, PlayOptions(**options), run)
+        from msph.stage import play_command
+    play_command.play(scene, PlayOptions(**options), run)
 
 
 @cli.command()

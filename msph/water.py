@@ -26,7 +26,7 @@ from msph.scene.load import TABLES, load_scene, with_probe
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls
 from msph.stage.headless import Headless
-from msph.stage.loaded import at, smooth
+from msph.stage.loaded_scene import at, smooth
 from msph.stage.loop import run
 from msph.stage.preparation import compiling
 from msph.stage.recorder import Recorder

@@ -28,7 +28,7 @@ from msph.scene.load import to_toml
 from msph.scene.meshes import MeshError, load_mesh
 from msph.scene.parameters import parameters
 from msph.scene.schema import Scene
-from msph.stage.recording import read as read_recording
+from msph.stage.recorded_input import read as read_recording
 from tests.scenes_kit import TEXT, write
 
 # Factor of the numbers of examples. Without it the same examples are drawn in each run.

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from msph.lesson.course import Progress
+from msph.lesson.course import LessonProgress
 from msph.lesson.guide import Guide
 from msph.picture.pixels import Image
 from msph.stage.keys import ACTIONS
@@ -22,7 +22,7 @@ class BoardView:
         self.drawn: Any = None
         self.pixels: Any = None  # (height, width, 3) uint8, first row at the top
 
-    def draw(self, progress: Progress) -> None:
+    def draw(self, progress: LessonProgress) -> None:
         if self.drawn != progress.values:
             self.drawn = dict(progress.values)
             size = self.size[0], self.size[1] - self.below

@@ -9,14 +9,14 @@ from msph.device import start
 from msph.errors import BadInputError, BlowUpError
 from msph.lesson import web
 from msph.lesson.board_view import read
-from msph.lesson.course import Progress
+from msph.lesson.course import LessonProgress
 from msph.lesson.guide import Guide
 from msph.lesson.load import Course, load_lesson, shipped_lessons
 from msph.lesson.paint import band_height
 from msph.lesson.slides import write as write_slides
 from msph.options import AS_GIVEN, RunOptions
 from msph.scene.load import read_toml
-from msph.stage.called import Choice, SceneArguments
+from msph.stage.choice import Choice, SceneArguments
 from msph.stage.ggui_window import GguiWindow
 from msph.stage.layout import Layout
 from msph.stage.loop import run as run_loop
@@ -153,14 +153,14 @@ def checks(course: Course) -> list[str]:
     return [task.check for task in course.lesson.do]
 
 
-def resume(progress: Progress) -> None:
+def resume(progress: LessonProgress) -> None:
     """Restores the stored progress of a lesson if it has open tasks."""
     before = kept(progress.course)
     if before.answered and not all(before.ticked):
         progress.resume(before.answered, before.ticked)
 
 
-def keep(progress: Progress) -> None:
+def keep(progress: LessonProgress) -> None:
     """Stores the progress; tasks that were done before stay done."""
     ticked = [a or b for a, b in zip(kept(progress.course).ticked, progress.ticked, strict=True)]
     found = Kept(ticked=ticked, answered=progress.answered, checks=checks(progress.course))

@@ -23,7 +23,7 @@ def units_of(course: Course) -> dict[str, str]:
     return {s.name: known[s.key] for s in course.lesson.slider}
 
 
-class Progress:
+class LessonProgress:
     """Progress of a lesson. row: its simulations, None for a board. Pages: the question, each task,
     and `code_pages` of the explanation; page: the current one, from 0.
 

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from msph.lesson.course import Progress
+from msph.lesson.course import LessonProgress
 from msph.lesson.load import Course
 from msph.lesson.paint import LETTERS, Reasons, TaskBar, band_height
 from msph.picture.overlay import Overlay
@@ -25,13 +25,13 @@ TILT_KEYS = ("Left", "Right", "Up", "Down")
 
 class Guide(InputOverlay):
     """Overlay of a lesson. row: its simulations, None for a board; size (width, height) of the
-    window [pixels]; progress: see Progress. waits: the simulations of a task stand still until the
-    user moves a slider, tilts or pushes."""
+    window [pixels]; progress: see LessonProgress. waits: the simulations of a task stand still
+    until the user moves a slider, tilts or pushes."""
 
     def __init__(self, course: Course, row: Row | None, size: tuple[int, int]):
         self.size, self.text = size, text_height(size[1])
         self.reasons = Reasons(course.lesson, course.code, size, self.text)
-        self.progress = Progress(course, row, self.reasons.pages)
+        self.progress = LessonProgress(course, row, self.reasons.pages)
         self.below = band_height(self.text)
         self.band = TaskBar((size[0], self.below), self.text)
         self.overlay = Overlay(*size, {"band": (size[0], self.below), "why": size})

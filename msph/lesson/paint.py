@@ -7,7 +7,7 @@ from typing import Any
 from PIL import Image, ImageFont
 
 from msph.lesson import typeset
-from msph.lesson.course import Progress
+from msph.lesson.course import LessonProgress
 from msph.lesson.schema import Lesson
 from msph.stage.sheet import AWAY, FAINT, INK, LINE, SOLID, WARNING, Sheet, font_of, wrapped
 
@@ -36,7 +36,7 @@ class TaskBar:
         self.size, self.text = size, text
         self.keys = True  # False hides the line of keys
 
-    def paint(self, progress: Progress, shown: list[str], waits: bool = False) -> Sheet:
+    def paint(self, progress: LessonProgress, shown: list[str], waits: bool = False) -> Sheet:
         """Returns the band; shown: lines with the numbers of a task; waits: the simulations stand
         still until the user acts."""
         self.sheet = Sheet(self.size, self.text, SOLID)
@@ -63,7 +63,7 @@ class TaskBar:
             self.sheet.write_wrapped([keys_of(progress)], pad, low, FAINT, width)
         return self.sheet
 
-    def _choices(self, progress: Progress, x: float, y: float, width: float) -> None:
+    def _choices(self, progress: LessonProgress, x: float, y: float, width: float) -> None:
         """Draws all choices; once answered, the chosen one with its reason and the correct one."""
         predict, chosen = progress.lesson.predict, progress.answered
         for k, choice in enumerate(predict.choices, 1):
@@ -77,7 +77,7 @@ class TaskBar:
             elif right:
                 y = self.sheet.write_wrapped([f"{text} - correct"], x, y, DONE, width)
 
-    def _sliders(self, progress: Progress, x: float, y: float, width: float) -> float:
+    def _sliders(self, progress: LessonProgress, x: float, y: float, width: float) -> float:
         for slider in progress.lesson.slider:
             value = progress.values[slider.name]
             ends = x + NAME * self.text, x + width - VALUE * self.text
@@ -102,7 +102,7 @@ class TaskBar:
         return self.sheet.write_wrapped([state], x + 1.5 * edge, y, colour, self.size[0])
 
 
-def keys_of(progress: Progress) -> str:
+def keys_of(progress: LessonProgress) -> str:
     """Returns the keys that can be used on the current page, with their actions."""
     if progress.page == 0 and not progress.answered:
         return f"your answer? {', '.join(LETTERS[: len(progress.lesson.predict.choices)])}"
@@ -152,7 +152,7 @@ class Reasons:
         sheet.image.alpha_composite(formula, (int(pad), round(top)))
         return sheet.image
 
-    def paint(self, number: int, progress: Progress) -> Sheet:
+    def paint(self, number: int, progress: LessonProgress) -> Sheet:
         """Returns page `number`, from 0."""
         sheet = Sheet(self.size, self.text, SOLID)
         draw, font, pad = sheet.draw, sheet.font, PAD * self.text

@@ -8,7 +8,7 @@ import numpy as np
 
 from msph.errors import BlowUpError
 from msph.fluid.external_forces import Hand
-from msph.lesson.course import Progress
+from msph.lesson.course import LessonProgress
 from msph.lesson.schema import Solution
 from msph.stage.controls import Controls
 from msph.stage.preparation import say
@@ -29,7 +29,7 @@ class Student:
 
     def __init__(
         self,
-        progress: Progress,
+        progress: LessonProgress,
         row: Row | None,
         see: See = lambda: None,
         lingers: float = 0.2,

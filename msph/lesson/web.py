@@ -14,7 +14,7 @@ import numpy as np
 
 from msph.export.video import even, video_writer
 from msph.lesson import typeset
-from msph.lesson.course import Progress
+from msph.lesson.course import LessonProgress
 from msph.lesson.load import Course, shipped_lessons
 from msph.lesson.paint import LETTERS
 from msph.lesson.schema import SliderOf
@@ -76,7 +76,7 @@ def in_script(data: Any) -> str:
 def in_water(course: Course) -> list[str]:
     """Returns the HTML of each task with a video of its solution."""
     row = prepare_row(course.scenes, course.labels, SIZE)
-    progress, frames = Progress(course, row), list[np.ndarray]()
+    progress, frames = LessonProgress(course, row), list[np.ndarray]()
     count = 0
 
     def see() -> None:
@@ -99,7 +99,7 @@ def in_water(course: Course) -> list[str]:
 def on_board(course: Course) -> list[str]:
     """Returns the HTML of each task with the board at positions of the sliders that its solution
     moves."""
-    progress, parts = Progress(course, None), []
+    progress, parts = LessonProgress(course, None), []
     student = Student(progress, None)
     student.answer()
     for k, task in enumerate(course.lesson.do):
@@ -123,7 +123,7 @@ def positions(slider: SliderOf, alone: bool, *others: float) -> list[float]:
     return sorted({*np.linspace(slider.lo, slider.hi, number).tolist(), *others})
 
 
-def flipbook(progress: Progress, sliders: list[SliderOf]) -> str:
+def flipbook(progress: LessonProgress, sliders: list[SliderOf]) -> str:
     """Returns the HTML of the board with these sliders: an image for each combination of their
     positions, with the numbers of the task and whether they complete it."""
     task, begin = progress.task, dict(progress.values)
@@ -154,7 +154,7 @@ def flipbook(progress: Progress, sliders: list[SliderOf]) -> str:
     )
 
 
-def part(progress: Progress, k: int, shown: str, reached: list[str]) -> str:
+def part(progress: LessonProgress, k: int, shown: str, reached: list[str]) -> str:
     """Returns the HTML of a task: text, and the board or a video with the numbers at its
     completion."""
     task, board = progress.lesson.do[k], progress.board is not None

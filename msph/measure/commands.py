@@ -18,10 +18,10 @@ from msph.scene import load_scene
 from msph.scene.quality import with_spacings
 from msph.scene.schema import Scene
 from msph.scene.water import layer_specs
-from msph.stage.loaded import Loaded, at, exclude, options_of, with_input
+from msph.stage.loaded_scene import LoadedScene, at, exclude, options_of, with_input
 from msph.stage.loop import run as run_loop
 from msph.stage.preparation import prepare, say
-from msph.stage.recording import Recording, with_recording
+from msph.stage.recorded_input import Recording, with_recording
 from msph.stage.row import Row
 from msph.stage.show import Show
 
@@ -60,7 +60,7 @@ def measure(scene: str | None, options: MeasureOptions, run: RunOptions) -> None
 
 
 def measured(
-    loaded: Loaded,
+    loaded: LoadedScene,
     folder: Path,
     resume: str | None = None,
     since: float | None = None,
@@ -96,7 +96,7 @@ def measured(
     return measurement
 
 
-def measure_convergence(loaded: Loaded, folder: Path, runs: int, force: bool) -> None:
+def measure_convergence(loaded: LoadedScene, folder: Path, runs: int, force: bool) -> None:
     """Measures a scene at several spacings, coarsest first, each in a subfolder, and estimates the
     discretisation error. Raises SceneError if the spacing cannot change, ExistingFileError for
     existing files, unless `force`."""

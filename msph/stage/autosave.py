@@ -18,9 +18,9 @@ from msph import user_cache
 from msph.constants import VERSION
 from msph.measure.past import read_state
 from msph.scene.errors import SceneError
-from msph.stage.called import Choice, SceneArguments, full_name
+from msph.stage.choice import Choice, SceneArguments, full_name
+from msph.stage.input_relays import Relay
 from msph.stage.loop import Audience
-from msph.stage.replaying import Relay
 from msph.stage.row import Row
 from msph.stage.show import SESSION
 from msph.stage.window import ClosedError

@@ -12,12 +12,12 @@ from msph.measure.snapshot import Snapshot
 from msph.measure.timings import Timings, peak_memory, process_age
 from msph.scene.schema import Scene
 from msph.stage.headless import Headless, HeadlessPlayer
+from msph.stage.input_relays import Replayer
 from msph.stage.link import Order
 from msph.stage.loop import run
 from msph.stage.process import start_simulations
-from msph.stage.recording import Recording
+from msph.stage.recorded_input import Recording
 from msph.stage.remote import Remote
-from msph.stage.replaying import Replayer
 from msph.stage.row import Row
 from msph.stage.show import SIMULATED, Show
 

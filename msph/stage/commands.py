@@ -35,15 +35,15 @@ from msph.scene.quality import costs
 from msph.scene.schema import Scene
 from msph.stage.benchmark import SIZE as BENCH_SIZE
 from msph.stage.benchmark import PlayResult, Result, benchmark, benchmark_play, profile_lines
-from msph.stage.called import Choice, SceneArguments
+from msph.stage.choice import Choice, SceneArguments
 from msph.stage.explain import explain
 from msph.stage.link import Files, Order
-from msph.stage.loaded import Loaded, at, exclude, options_of, smooth
+from msph.stage.loaded_scene import LoadedScene, at, exclude, options_of, smooth
 from msph.stage.loop import run as run_loop
 from msph.stage.preparation import prepare_row, say
 from msph.stage.process import Started
+from msph.stage.recorded_input import Header, Recording, with_recording
 from msph.stage.recorder import ROUNDING, Recorder
-from msph.stage.recording import Header, Recording, with_recording
 from msph.stage.remote import Remote
 from msph.stage.simulating import with_files
 from msph.stage.trial import SIZE as PLAY_SIZE
@@ -161,7 +161,7 @@ def bench(scenes: tuple[str, ...], options: BenchOptions, run: RunOptions) -> No
 
 
 def timed(
-    loaded: Loaded, options: BenchOptions, recording: Recording | None, run: RunOptions
+    loaded: LoadedScene, options: BenchOptions, recording: Recording | None, run: RunOptions
 ) -> Result | PlayResult:
     """Returns the benchmark of one scene."""
     scene, name, duration = loaded.scene, loaded.name, options.seconds or loaded.scene.duration
@@ -217,7 +217,7 @@ def ladder_lines(name: str) -> list[str]:
 
 
 def record(
-    loaded: Loaded,
+    loaded: LoadedScene,
     files: Outputs,
     options: CaptureOptions,
     recording: Recording | None,

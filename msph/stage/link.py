@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from msph.scene.schema import Scene
-from msph.stage.called import Choice, SceneArguments
+from msph.stage.choice import Choice, SceneArguments
 from msph.stage.controls import Controls
-from msph.stage.recording import Header, Recording
+from msph.stage.recorded_input import Header, Recording
 from msph.stage.show import INTERACTIVE
 from msph.state import Wanted
 from msph.transfer import Packet

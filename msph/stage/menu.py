@@ -10,7 +10,7 @@ from msph.scene.errors import SceneError
 from msph.scene.library import shipped_scenes
 from msph.scene.live import read
 from msph.scene.quality import at_quality
-from msph.stage.called import Choice, SceneArguments
+from msph.stage.choice import Choice, SceneArguments
 from msph.stage.layout import Layout
 from msph.stage.pacer import Pacer
 from msph.stage.panel import Panel

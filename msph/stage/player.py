@@ -10,7 +10,7 @@ import numpy as np
 from msph.measure.resolution import mean_depth
 from msph.picture.camera import Camera
 from msph.stage.autosave import LostSession, forget
-from msph.stage.called import Choice, SceneArguments
+from msph.stage.choice import Choice, SceneArguments
 from msph.stage.clip import Clip
 from msph.stage.controls import Controls
 from msph.stage.idle import Idle

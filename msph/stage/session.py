@@ -8,14 +8,14 @@ from msph.options import AS_GIVEN, AUTO, QUALITIES
 from msph.scene.quality import at_quality
 from msph.scene.schema import Scene
 from msph.stage.autosave import Autosave, lost_session
-from msph.stage.called import Choice, SceneArguments
+from msph.stage.choice import Choice, SceneArguments
 from msph.stage.layout import Layout
 from msph.stage.link import Files, Order
 from msph.stage.loop import run
 from msph.stage.lost_display import completing
 from msph.stage.player import Player
 from msph.stage.preparation import Report, say
-from msph.stage.recording import Header, Recording
+from msph.stage.recorded_input import Header, Recording
 from msph.stage.remote import Remote
 from msph.stage.row import Row
 from msph.stage.trial import finest_in_real_time, forget

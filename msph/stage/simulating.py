@@ -12,11 +12,11 @@ from msph.own_files import claim
 from msph.scene.errors import SceneError
 from msph.stage.autosave import Autosave, Autosaver
 from msph.stage.controls import Controls
+from msph.stage.input_relays import InputRecorder, Replayer
 from msph.stage.link import END, Answer, Command, Doing, Failed, Files, Order, Ready
 from msph.stage.loop import Audience, run
 from msph.stage.preparation import built_row, described
 from msph.stage.progress import Progress
-from msph.stage.replaying import InputRecorder, Replayer
 from msph.stage.row import Row
 from msph.stage.show import Show
 from msph.transfer import SETS, Sender, SharedArrays

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from msph.errors import BlowUpError
-from msph.lesson.course import Progress
+from msph.lesson.course import LessonProgress
 from msph.lesson.guide import Guide
 from msph.lesson.load import load_lesson
 from msph.lesson.paint import PAD, TaskBar, band_height, folded
@@ -30,7 +30,7 @@ def test_a_lesson_resumes_where_it_was_left(tmp_path, monkeypatch):
 
     monkeypatch.setattr(user_cache, "file", lambda: tmp_path / "kept.json")
     course = load_lesson("kernels")
-    progress = Progress(course, None)
+    progress = LessonProgress(course, None)
     student = Student(progress, None)
     student.answer()
     student.work()
@@ -46,7 +46,7 @@ def test_a_lesson_resumes_where_it_was_left(tmp_path, monkeypatch):
         again.progress.go(1)
         Student(again.progress, None).work()
     commands.keep(again.progress)
-    afresh = Progress(course, None)
+    afresh = LessonProgress(course, None)
     commands.resume(afresh)
     assert afresh.page == 0 and not any(afresh.ticked)
     commands.keep(afresh)
@@ -209,7 +209,7 @@ def test_an_unstable_simulation_is_restarted(monkeypatch):
 
     class Stub:
         row = type("Row", (), {"reset": lambda self: calls.append("again")})()
-        progress = type("Progress", (), {"row": row})()
+        progress = type("LessonProgress", (), {"row": row})()
 
     monkeypatch.setattr(commands, "Player", Fake)
     monkeypatch.setattr(commands, "run_loop", run)

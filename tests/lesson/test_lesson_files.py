@@ -6,7 +6,7 @@ import shutil
 import pytest
 
 from msph.expressions import ExpressionError, check, value
-from msph.lesson.course import Progress
+from msph.lesson.course import LessonProgress
 from msph.lesson.load import load_lesson
 from msph.lesson.student import Student
 from msph.scene.errors import SceneError
@@ -74,7 +74,7 @@ def test_an_invalid_lesson_gives_one_line(kind, tmp_path):
 def test_a_lesson_of_thirty_lines_works(tmp_path):
     assert len(TINY.strip().splitlines()) < 30
     course = load_lesson(written(tmp_path / "mine", TINY))
-    progress = Progress(course, None)
+    progress = LessonProgress(course, None)
     student = Student(progress, None)
     student.answer()
     assert not student.work(acts=False) and student.work()
@@ -114,7 +114,7 @@ def test_expressions_compare_numbers_and_refuse_other_code():
 
 def test_named_values_are_shown_by_name(tmp_path):
     """Named values are displayed by name. Regression: the lesson asked for scene 2, quality 4."""
-    progress = Progress(load_lesson("choosing"), None)
+    progress = LessonProgress(load_lesson("choosing"), None)
     assert progress.reading("scene", 2.0) == "dam break"
     assert progress.reading("quality", 4.0) == "finest"
     assert progress.reading("budget", 2.0) == "2 s/s"

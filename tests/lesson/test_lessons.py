@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from codespell_lib import main as codespell
 
-from msph.lesson.course import Progress, readable
+from msph.lesson.course import LessonProgress, readable
 from msph.lesson.excerpt import ExcerptError, excerpt
 from msph.lesson.load import load_lesson
 from msph.lesson.quantities import QUANTITIES, Numbers
@@ -36,7 +36,7 @@ def test_there_are_fifteen_lessons_in_order_physics_first():
 def test_solutions_complete_all_tasks_and_inaction_none(name):
     course = load_lesson(name)
     row = prepared(course, (320, 180) if name in SEEN else None)
-    progress = Progress(course, row)
+    progress = LessonProgress(course, row)
     student = Student(progress, row)
     assert not progress.go(1), "the question comes first"
     student.answer()
@@ -55,7 +55,7 @@ def test_solutions_complete_all_tasks_and_inaction_none(name):
 def test_displayed_numbers_equal_the_ledger():
     course = load_lesson("forces")
     row = prepared(course)
-    progress = Progress(course, row)
+    progress = LessonProgress(course, row)
     student = Student(progress, row)
     student.answer()
     student.work()
@@ -137,7 +137,7 @@ def test_the_lesson_of_teaching_md_works(tmp_path):
     assert example and len([line for line in example[1].splitlines() if line]) < 30
     course = load_lesson(written(tmp_path / "mine", example[1]))
     row = prepared(course)
-    progress = Progress(course, row)
+    progress = LessonProgress(course, row)
     student = Student(progress, row)
     student.answer()
     assert not student.work(acts=False), progress.shown()
@@ -148,7 +148,7 @@ def test_the_lesson_of_teaching_md_works(tmp_path):
 def test_a_solution_ends_at_the_values_that_its_text_names():
     """Regression: the film of `light` ended at an index of 1.311, and its text said 1.33."""
     course = load_lesson("light")
-    progress = Progress(course, row := prepared(course, (320, 180)))
+    progress = LessonProgress(course, row := prepared(course, (320, 180)))
     student = Student(progress, row)
     student.answer()
     assert student.work()

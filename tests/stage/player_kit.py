@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from msph.stage.called import Choice, SceneArguments
+from msph.stage.choice import Choice, SceneArguments
 from msph.stage.player import Player
 
 SIZE = WIDTH, HEIGHT = 480, 270

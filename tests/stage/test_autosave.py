@@ -13,7 +13,7 @@ from msph.measure.timings import Timings
 from msph.scene import load_scene
 from msph.stage import autosave
 from msph.stage.autosave import Autosave, Autosaver, forget, lost_session
-from msph.stage.called import Choice, SceneArguments
+from msph.stage.choice import Choice, SceneArguments
 from msph.stage.loop import run
 from msph.stage.row import Row
 from msph.stage.show import INTERACTIVE, Show

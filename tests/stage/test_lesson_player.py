@@ -11,7 +11,7 @@ from msph.lesson.paint import band_height
 from msph.picture.overlay import Overlay
 from msph.scene import load_scene
 from msph.stage import idle
-from msph.stage.called import Choice, SceneArguments
+from msph.stage.choice import Choice, SceneArguments
 from msph.stage.keys import ACTIONS
 from msph.stage.layout import Layout
 from msph.stage.page import Page

@@ -11,7 +11,7 @@ from msph import user_cache
 from msph.scene import load_scene
 from msph.stage import clip, idle
 from msph.stage.autosave import About, LostSession
-from msph.stage.called import Choice, SceneArguments
+from msph.stage.choice import Choice, SceneArguments
 from msph.stage.controls import Controls
 from msph.stage.keys import ACTIONS
 from msph.stage.player import SLOW_MOTION

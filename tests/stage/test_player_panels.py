@@ -13,7 +13,7 @@ from msph.scene.library import shipped_scenes
 from msph.scene.live import read
 from msph.scene.load import read_toml
 from msph.stage import menu, pages
-from msph.stage.called import Choice
+from msph.stage.choice import Choice
 from msph.stage.display import BELOW
 from msph.stage.keys import ACTIONS, KEYS
 from msph.stage.layout import GAP, HINTS, PANELS

@@ -25,7 +25,7 @@ from msph.measure.host_kernels import wendland
 from msph.own_files import OutputError
 from msph.scene import load_scene
 from msph.scene.parts import with_value
-from msph.stage import loaded
+from msph.stage import loaded_scene
 from msph.stage.loop import run
 from msph.stage.recorder import LostOutputError, Recorder
 from msph.stage.row import Row
@@ -223,7 +223,7 @@ def test_a_checkpoint_with_added_water_is_resumed(tmp_path, monkeypatch):
 
     Regression: the checkpoint had more particles than the scene has room for.
     """
-    monkeypatch.setattr(loaded, "start", lambda arch, threads: "cpu")
+    monkeypatch.setattr(loaded_scene, "start", lambda arch, threads: "cpu")
     scene = write(tmp_path, TEXT.replace("[classic]", "[projection]"))
     show = Show(load_scene(scene, ("method=projection",)), 1 / FPS, **SIMULATED)
     room, size = show.simulation.plan.initial["x"].shape[0], np.array(show.simulation.size)

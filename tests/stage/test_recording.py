@@ -10,13 +10,13 @@ import pytest
 
 from msph.measure.timings import Timings
 from msph.scene import load_scene
-from msph.stage import commands, loaded
-from msph.stage.called import Choice, SceneArguments
+from msph.stage import commands, loaded_scene
+from msph.stage.choice import Choice, SceneArguments
+from msph.stage.input_relays import InputRecorder, Replayer
 from msph.stage.layout import Layout
 from msph.stage.loop import run
 from msph.stage.player import Player
-from msph.stage.recording import Header, Recording, RecordingError, read
-from msph.stage.replaying import InputRecorder, Replayer
+from msph.stage.recorded_input import Header, Recording, RecordingError, read
 from msph.stage.row import Row
 from msph.stage.show import INTERACTIVE, SIMULATED, Show
 from msph.stage.tools import TOOLS
@@ -169,7 +169,7 @@ def test_a_replay_in_a_window_ignores_user_input_until_its_end(played):
 
 @pytest.fixture
 def one_taichi(monkeypatch):
-    monkeypatch.setattr(loaded, "start", lambda arch, threads: "cpu")
+    monkeypatch.setattr(loaded_scene, "start", lambda arch, threads: "cpu")
 
 
 def test_capture_and_measure_end_in_the_state_of_the_session(played, one_taichi, tmp_path):

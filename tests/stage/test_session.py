@@ -12,7 +12,7 @@ from msph.options import QUALITIES
 from msph.scene import load_scene
 from msph.scene.library import shipped_scenes
 from msph.stage import menu, session, trial
-from msph.stage.called import Choice, SceneArguments
+from msph.stage.choice import Choice, SceneArguments
 from msph.stage.preparation import prepare_row
 from msph.stage.session import Session
 from msph.stage.window import ClosedError

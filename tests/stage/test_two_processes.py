@@ -18,13 +18,13 @@ from msph.measure.timings import Timings
 from msph.options import CaptureOptions, RunOptions
 from msph.own_files import release
 from msph.scene import load_scene
-from msph.stage.called import Choice, SceneArguments
+from msph.stage.choice import Choice, SceneArguments
 from msph.stage.commands import capture
 from msph.stage.controls import Controls, ToolUse
 from msph.stage.layout import Layout
 from msph.stage.link import Files, Order
 from msph.stage.process import simulations, start_simulations
-from msph.stage.recording import Header, RecordedFrame, line_of, read
+from msph.stage.recorded_input import Header, RecordedFrame, line_of, read
 from msph.stage.remote import Remote, SimulationError
 from msph.stage.show import INTERACTIVE, Show
 from tests.scenes_kit import write

@@ -12,7 +12,7 @@ import taichi as ti
 
 from msph.measure.past import time_of
 from msph.options import QUALITIES
-from msph.stage.recording import read
+from msph.stage.recorded_input import read
 from tests.scenes_kit import write
 from tests.stage.window_kit import (
     HEIGHT,

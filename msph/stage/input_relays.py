@@ -9,7 +9,7 @@ from msph.own_files import writing
 from msph.stage.controls import Controls, Inputs
 from msph.stage.loop import Audience
 from msph.stage.preparation import say
-from msph.stage.recording import Header, RecordedFrame, Recording, line_of
+from msph.stage.recorded_input import Header, RecordedFrame, Recording, line_of
 from msph.stage.row import Row
 
 
@@ -36,8 +36,8 @@ class Relay(Audience):
 
 
 class InputRecorder(Relay):
-    """Writes the input that an audience gives to a file (msph/stage/recording.py), line by line, so
-    that the file of a program that was killed is complete. The recording ends where the simulation
+    """Writes the input that an audience gives to a file (recorded_input.py), line by line, so that
+    the file of a program that was killed is complete. The recording ends where the simulation
     continues from a checkpoint. Raises LostOutputError."""
 
     def __init__(self, inner: Audience, path: Path, header: Header):

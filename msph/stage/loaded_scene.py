@@ -12,9 +12,9 @@ from msph.scene.load import to_toml
 from msph.scene.parts import with_value
 from msph.scene.quality import at_quality
 from msph.scene.schema import Scene
+from msph.stage.input_relays import Replayer
 from msph.stage.loop import Audience
-from msph.stage.recording import Recording
-from msph.stage.replaying import Replayer
+from msph.stage.recorded_input import Recording
 from msph.stage.show import SIMULATED
 from msph.stage.trial import finest_in_real_time
 
@@ -23,7 +23,7 @@ SMOOTH = 2
 
 
 @dataclass(frozen=True)
-class Loaded:
+class LoadedScene:
     """A scene at a quality, its name and overrides on the command line, and the architecture."""
 
     scene: Scene
@@ -37,12 +37,12 @@ class Loaded:
         return to_toml(self.scene, f"quality {self.quality}")
 
 
-def at(scene: Scene, name: str, run: RunOptions) -> Loaded:
+def at(scene: Scene, name: str, run: RunOptions) -> LoadedScene:
     """Starts Taichi and returns the scene at the quality of the options."""
     arch, quality = start(run.arch, run.threads), run.quality
     if quality == AUTO:
         quality = finest_in_real_time(scene, name)
-    return Loaded(at_quality(scene, quality, name), name, quality, arch, run.overrides)
+    return LoadedScene(at_quality(scene, quality, name), name, quality, arch, run.overrides)
 
 
 def smooth(scene: Scene) -> Scene:

@@ -18,7 +18,7 @@ from msph.errors import BadInputError, did_you_mean
 from msph.options import RunOptions
 from msph.scene.live import live_parameters
 from msph.scene.schema import Scene
-from msph.stage.called import full_name
+from msph.stage.choice import full_name
 from msph.stage.controls import STRICT, Inputs
 from msph.stage.tools import BY_NAME
 

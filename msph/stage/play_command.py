@@ -10,10 +10,10 @@ from msph.device import start, started
 from msph.interrupts import importing
 from msph.options import PlayOptions, RunOptions
 from msph.own_files import claim
-from msph.stage.called import SceneArguments
+from msph.stage.choice import SceneArguments
 from msph.stage.lost_display import completing
 from msph.stage.process import simulations
-from msph.stage.recording import with_recording
+from msph.stage.recorded_input import with_recording
 from msph.stage.window import ClosedError, NoWindowError, check_display
 
 # Largest number of simulations side by side; more images would be too narrow.
