@@ -18,7 +18,6 @@ from msph.measure.timings import Timings
 from msph.options import CaptureOptions, RunOptions
 from msph.own_files import release
 from msph.scene import load_scene
-from msph.stage.called import Choice, SceneArguments
 from msph.stage.commands import capture
 from msph.stage.controls import Controls, ToolUse
 from msph.stage.layout import Layout
@@ -31,15 +30,13 @@ from tests.scenes_kit import write
 from tests.stage.player_kit import FRAME, SIZE, frames, played, press
 
 # Longest wait [s] for a process, also on a busy machine.
-PATIENCE = 120.0
+PATIENCE = 300.0
 MEMORY = Path("/dev/shm")
 on_linux = pytest.mark.skipif(sys.platform != "linux", reason="stops and kills processes")
 
 
 def order_of(scene, files=None):
-    arguments = SceneArguments(str(scene))
-    choice = Choice(str(scene), "large", found="large")
-    return Order([load_scene(scene)], ["a"], choice, arguments, files or Files())
+    return Order([load_scene(scene)], ["a"], files or Files())
 
 
 @contextlib.contextmanager
