@@ -6,7 +6,7 @@ import json
 import os
 import time
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -42,14 +42,20 @@ class About:
     scene: str
     quality: str
     overrides: tuple[str, ...]
-    set: dict[str, float]
+    set: dict[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, choice: Choice, arguments: SceneArguments, began: str) -> "About":
+        """Returns the description of a choice, without changes by the user."""
+        names = full_name(choice.scene), choice.quality_now, arguments.overrides_of(choice.scene)
+        return cls(VERSION, began, *names)
 
 
 class Autosave:
     """File of this session. As a context it removes the file at the end, except after an error."""
 
-    def __init__(self, arguments: SceneArguments, path: Path | None = None, began: str = ""):
-        self.arguments, self.began = arguments, began or time.strftime("%H:%M")
+    def __init__(self, path: Path | None = None):
+        self.began = time.strftime("%H:%M")
         self.path = path or folder() / f"{PREFIX}{os.getpid()}_{time.time_ns()}.npz"
         self.writer = ThreadPoolExecutor(1)
 
@@ -61,11 +67,8 @@ class Autosave:
         if kind is None or issubclass(kind, ENDINGS):
             self.path.unlink(missing_ok=True)
 
-    def write(self, choice: Choice, changes: dict[str, float], state: dict[str, Any]) -> Future:
-        """Begins to write a state of a choice with changed live parameters."""
-        overrides = self.arguments.overrides_of(choice.scene)
-        names = full_name(choice.scene), choice.quality_now, overrides
-        about = About(VERSION, self.began, *names, changes)
+    def write(self, about: About, state: dict[str, Any]) -> Future:
+        """Begins to write a state and its description."""
         return self.writer.submit(self._write, {**state, SESSION: json.dumps(asdict(about))})
 
     def _write(self, state: dict[str, Any]) -> None:
@@ -81,9 +84,9 @@ class Autosave:
 class Autosaver(Relay):
     """Saves the state of the simulation every INTERVAL; another thread writes a copy of it."""
 
-    def __init__(self, inner: Audience, file: Autosave, choice: Choice):
+    def __init__(self, inner: Audience, file: Autosave, about: About):
         super().__init__(inner)
-        self.file, self.choice = file, choice
+        self.file, self.about = file, about
         self.last, self.time = time.perf_counter(), 0.0
         self.writing: Future | None = None
 
@@ -94,7 +97,8 @@ class Autosaver(Relay):
         if busy or now - self.last < INTERVAL or lead.simulation.time == self.time:
             return
         self.last, self.time = now, lead.simulation.time
-        self.writing = self.file.write(self.choice, lead.changes(), lead.simulation.state())
+        about = replace(self.about, set=lead.changes())
+        self.writing = self.file.write(about, lead.simulation.state())
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from msph.scene.schema import Scene
 from msph.stage.headless import Headless, HeadlessPlayer
 from msph.stage.input_relays import Replayer
 from msph.stage.link import Order
+from msph.stage.loaded_scene import LoadedScene
 from msph.stage.loop import run
 from msph.stage.process import start_simulations
 from msph.stage.recorded_input import Recording
@@ -201,11 +202,11 @@ class PlayResult:
 
 
 def benchmark_play(
-    order: Order, seconds: float, size: tuple[int, int], arch: str, threads: int | None
+    loaded: LoadedScene, seconds: float, size: tuple[int, int], arch: str, threads: int | None
 ) -> PlayResult:
-    """Plays an order's scene for `seconds` [s] of wall-clock time as a window of `size` does;
-    arch, threads: of the simulation's process."""
-    (scene,) = order.scenes
+    """Plays a scene for `seconds` [s] of wall-clock time as a window of `size` does; arch, threads:
+    of the simulation's process."""
+    scene, order = loaded.scene, Order([loaded.scene], [""], whole=True)
     with Remote(*start_simulations(arch, threads)) as remote:
         row = remote.row(order, size)
         ready, lead = process_age(), row.lead
@@ -215,8 +216,8 @@ def benchmark_play(
         row.close()
     walls = np.array(player.walls)
     return PlayResult(
-        scene=order.choice.scene,
-        quality=order.choice.quality,
+        scene=loaded.name,
+        quality=loaded.quality,
         particles=particles,
         frames_per_second=float(1.0 / np.median(walls)),
         slowest_frames_per_second=float(1.0 / np.percentile(walls, 95)),

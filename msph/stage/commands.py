@@ -35,7 +35,6 @@ from msph.scene.quality import costs
 from msph.scene.schema import Scene
 from msph.stage.benchmark import SIZE as BENCH_SIZE
 from msph.stage.benchmark import PlayResult, Result, benchmark, benchmark_play, profile_lines
-from msph.stage.choice import Choice, SceneArguments
 from msph.stage.explain import explain
 from msph.stage.link import Files, Order
 from msph.stage.loaded_scene import LoadedScene, at, exclude, options_of, smooth
@@ -169,9 +168,7 @@ def timed(
         recording = recording.cut(options.seconds)
         recording.check(scene)
     if options.as_played:
-        names = Choice(name, loaded.quality), SceneArguments(name, run.overrides)
-        order = Order([scene], [name], *names, whole=True)
-        return benchmark_play(order, duration, options.size or PLAY_SIZE, run.arch, run.threads)
+        return benchmark_play(loaded, duration, options.size or PLAY_SIZE, run.arch, run.threads)
     size = options.size or BENCH_SIZE
     parts = not options.no_render, size, options.profile
     return benchmark(scene, name, duration, *parts, recording)
@@ -239,8 +236,6 @@ def record(
     order = Order(
         [loaded.scene],
         [""],
-        Choice(loaded.name, loaded.quality),
-        SceneArguments(loaded.name, loaded.overrides),
         Files(
             record=options.record_input,
             header=Header.of(loaded.name, loaded.quality, loaded.overrides),

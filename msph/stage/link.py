@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from msph.scene.schema import Scene
-from msph.stage.choice import Choice, SceneArguments
+from msph.stage.autosave import About
 from msph.stage.controls import Controls
 from msph.stage.recorded_input import Header, Recording
 from msph.stage.show import INTERACTIVE
@@ -25,11 +25,11 @@ END = "end"
 @dataclass(frozen=True)
 class Files:
     """Files of a session that the process of the simulations reads and writes. record: file for the
-    input, with its header; replay: recording to replay; autosave: file of the state, and the time
-    of day at which the session began; resume: checkpoint to continue from."""
+    input, with its header; replay: recording to replay; autosave: file of the state, with its
+    description; resume: checkpoint to continue from."""
 
     autosave: Path | None = None
-    began: str = ""
+    about: About | None = None
     record: Path | None = None
     header: Header | None = None
     replay: Recording | None = None
@@ -44,8 +44,6 @@ class Order:
 
     scenes: list[Scene]
     labels: list[str]
-    choice: Choice
-    arguments: SceneArguments
     files: Files = field(default_factory=Files)
     whole: bool = False
     options: dict[str, Any] = field(default_factory=lambda: INTERACTIVE)

@@ -63,8 +63,8 @@ def play(scene: str | None, options: PlayOptions, run: RunOptions) -> None:
         # Imported after the window has opened.
         with importing():
             from msph.stage.remote import Remote
-            from msph.stage.session import InputFiles, Session
-        files = InputFiles(options.record_input, recording)
+            from msph.stage.session import Files, Session
+        files = Files(record=options.record_input, replay=recording)
         session = Session(window, Remote(*process), arguments, options.frames, files)
         with contextlib.suppress(ClosedError):
             session.play(scene, run.quality)

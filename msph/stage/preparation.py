@@ -35,7 +35,7 @@ def say(text: str) -> None:
 
 
 def prepare(scene: Scene, frame_time: float, *more, **options) -> Show:
-    """Builds a show; see built()."""
+    """Builds a show and describes it; see built()."""
     begin = time.perf_counter()
     show = built(scene, frame_time, *more, **options)
     say_ready(begin, [described(show)])

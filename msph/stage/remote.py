@@ -225,7 +225,7 @@ class RemoteShow(ShownScene):
     def warm_up(self, whole: bool) -> None:
         """Compiles the kernels of images, by drawing the initial water; for a window without
         `whole`, some of them in later frames."""
-        for _ in range(2):
+        for _ in range(2 if self.interactive else 1):
             self.display.draw()
         self.later = self.display.later_kernels() if self.interactive else []
         while whole and self.later:
@@ -260,8 +260,7 @@ class RemoteShow(ShownScene):
             self.remote.give(Command(controls, wanted, **self.asked))
             self.asked = {}
         self.new, self.fresh = self.fresh, False
-        if self.new:
-            self.compile_later()
+        self.compile_later()
         if self.new or self.interactive:
             display.frame(controls, self.new)
         self.timings.close_frame()

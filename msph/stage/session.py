@@ -1,13 +1,12 @@
 """Session of `play`: runs one scene after another in the same window."""
 
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 
 from msph.errors import MsphError
 from msph.options import AS_GIVEN, AUTO, QUALITIES
 from msph.scene.quality import at_quality
 from msph.scene.schema import Scene
-from msph.stage.autosave import Autosave, lost_session
+from msph.stage.autosave import About, Autosave, lost_session
 from msph.stage.choice import Choice, SceneArguments
 from msph.stage.layout import Layout
 from msph.stage.link import Files, Order
@@ -15,7 +14,7 @@ from msph.stage.loop import run
 from msph.stage.lost_display import completing
 from msph.stage.player import Player
 from msph.stage.preparation import Report, say
-from msph.stage.recorded_input import Header, Recording
+from msph.stage.recorded_input import Header
 from msph.stage.remote import Remote
 from msph.stage.row import Row
 from msph.stage.trial import finest_in_real_time, forget
@@ -25,16 +24,9 @@ from msph.stage.window import Window
 SLOW = 10.0
 
 
-@dataclass(frozen=True)
-class InputFiles:
-    """File to record the input of the first scene in, and a recording to replay in it."""
-
-    record: Path | None = None
-    replay: Recording | None = None
-
-
 class Session:
-    """Session in a window. frames: largest number of frames per scene, None for no limit."""
+    """Session in a window. frames: largest number of frames per scene, None for no limit; files: to
+    record and to replay the input of the first scene."""
 
     def __init__(
         self,
@@ -42,15 +34,15 @@ class Session:
         remote: Remote,
         arguments: SceneArguments,
         frames: int | None = None,
-        files: InputFiles | None = None,
+        files: Files | None = None,
     ):
         self.window, self.remote = window, remote
         self.arguments, self.frames = arguments, frames
         self.layout = Layout(window.size)
         self.message = ""  # shown when the next scene begins
-        self.files, self.autosave = files or InputFiles(), Autosave(arguments)
+        self.files, self.autosave = files or Files(), Autosave()
         # A recording or replay begins with the scene, not with the state of a lost session.
-        self.lost = lost_session(arguments) if self.files == InputFiles() else None
+        self.lost = lost_session(arguments) if self.files == Files() else None
 
     def play(self, scene: str, quality: str) -> None:
         """Plays a scene and each scene chosen next; returns to the previous scene if a scene cannot
@@ -86,42 +78,26 @@ class Session:
             quality = self._find_quality(first, choice)
         choice = replace(choice, found=quality)
         tried = [at_quality(scene, quality, choice.scene) for scene in scenes.values()]
-        files, self.files = self._files_of(choice), InputFiles()
-        return self._order(tried, list(scenes), choice, files, self.window.report), choice
+        files, self.files = self._files_of(choice), Files()
+        order = Order(tried, list(scenes), files)
+        return self.remote.row(order, self.window.size, self.window.report), choice
 
     def _find_quality(self, scene: Scene, choice: Choice) -> str:
         """Returns the finest quality in real time."""
 
         def build(tried: Scene, report: Report | None) -> Row:
-            return self._order([tried], [""], choice, Files(), report, whole=True)
+            return self.remote.row(Order([tried], [""], whole=True), self.window.size, report)
 
         return finest_in_real_time(scene, choice.scene, self.window, build)
 
-    def _order(
-        self,
-        scenes: list[Scene],
-        labels: list[str],
-        choice: Choice,
-        files: Files,
-        report: Report | None,
-        whole: bool = False,
-    ) -> Row:
-        """Returns simulations with their images."""
-        order = Order(scenes, labels, choice, self.arguments, files, whole)
-        return self.remote.row(order, self.window.size, report)
-
     def _files_of(self, choice: Choice) -> Files:
         """Returns the files of a choice: recording and replay are those of the first scene."""
-        header, given = None, self.files
-        if given.record:
-            more = self.arguments.overrides, self.arguments.beside
-            header = Header.of(choice.scene, choice.quality_now, *more)
-        return Files(
+        more = self.arguments.overrides, self.arguments.beside
+        return replace(
+            self.files,
             autosave=self.autosave.path,
-            began=self.autosave.began,
-            record=given.record,
-            header=header,
-            replay=given.replay,
+            about=About.of(choice, self.arguments, self.autosave.began),
+            header=Header.of(choice.scene, choice.quality_now, *more),
             resume=choice.resume,
         )
 

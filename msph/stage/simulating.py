@@ -47,9 +47,7 @@ def _run(order: Order, connection: Connection) -> None:
     def report(doing: str, important: bool = False) -> None:
         tell(Doing(doing))
 
-    autosave = None
-    if files.autosave:
-        autosave = Autosave(order.arguments, files.autosave, files.began)
+    autosave = Autosave(files.autosave) if files.autosave else None
     try:
         row = built_row(**order.shows, size=None, report=report)
         follower = Follower(row, connection.recv, tell, order.frames)
@@ -88,8 +86,8 @@ def with_files(
         claim([files.record], force=True)  # the command has asked for leave
         audience = InputRecorder(audience, files.record, files.header)
     # Simulations side by side, restored one by one, would no longer be in step.
-    if autosave and len(row.shows) == 1:
-        audience = Autosaver(audience, autosave, order.choice)
+    if autosave and files.about and len(row.shows) == 1:
+        audience = Autosaver(audience, autosave, files.about)
     return audience
 
 

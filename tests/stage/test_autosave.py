@@ -12,7 +12,7 @@ from msph.errors import BlowUpError
 from msph.measure.timings import Timings
 from msph.scene import load_scene
 from msph.stage import autosave
-from msph.stage.autosave import Autosave, Autosaver, forget, lost_session
+from msph.stage.autosave import About, Autosave, Autosaver, forget, lost_session
 from msph.stage.choice import Choice, SceneArguments
 from msph.stage.loop import run
 from msph.stage.row import Row
@@ -47,8 +47,9 @@ def row(tmp_path):
 def session(row, scene, *frames, overrides=(), end=None):
     """Runs a session of the given numbers of frames in turn, and raises `end`, if given."""
     arguments = SceneArguments(scene, overrides)
-    with Autosave(arguments) as file:
-        saver = Autosaver(Count(), file, Choice(scene, "auto", found="large"))
+    with Autosave() as file:
+        about = About.of(Choice(scene, "auto", found="large"), arguments, file.began)
+        saver = Autosaver(Count(), file, about)
         for number in frames:
             run(row, saver, number)
             if saver.writing:
@@ -111,8 +112,9 @@ def test_the_state_is_copied_and_written_in_another_thread(row, tmp_path, monkey
         savez(file, **state)
 
     monkeypatch.setattr(np, "savez", slow)
-    with pytest.raises(BlowUpError), Autosave(SceneArguments(scene)) as file:
-        saver = Autosaver(Count(), file, Choice(scene, "large"))
+    with pytest.raises(BlowUpError), Autosave() as file:
+        about = About.of(Choice(scene, "large"), SceneArguments(scene), file.began)
+        saver = Autosaver(Count(), file, about)
         run(row, saver, 1)
         time = row.lead.simulation.time
         run(row, saver, 5)

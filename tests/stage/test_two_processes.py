@@ -18,7 +18,6 @@ from msph.measure.timings import Timings
 from msph.options import CaptureOptions, RunOptions
 from msph.own_files import release
 from msph.scene import load_scene
-from msph.stage.choice import Choice, SceneArguments
 from msph.stage.commands import capture
 from msph.stage.controls import Controls, ToolUse
 from msph.stage.layout import Layout
@@ -31,15 +30,13 @@ from tests.scenes_kit import write
 from tests.stage.player_kit import FRAME, SIZE, frames, played, press
 
 # Longest wait [s] for a process, also on a busy machine.
-PATIENCE = 120.0
+PATIENCE = 300.0
 MEMORY = Path("/dev/shm")
 on_linux = pytest.mark.skipif(sys.platform != "linux", reason="stops and kills processes")
 
 
 def order_of(scene, files=None):
-    arguments = SceneArguments(str(scene))
-    choice = Choice(str(scene), "large", found="large")
-    return Order([load_scene(scene)], ["a"], choice, arguments, files or Files())
+    return Order([load_scene(scene)], ["a"], files or Files())
 
 
 @contextlib.contextmanager
@@ -124,7 +121,7 @@ def test_a_capture_in_two_processes_equals_one_in_a_single_process(replayed, tmp
 
 @on_linux
 def test_a_capture_whose_simulation_is_killed_keeps_its_frames(tmp_path):
-    scene, before = write(tmp_path), shared()
+    scene = write(tmp_path)
     command = [sys.executable, "-m", "msph", "capture", scene, "--seconds", "1000", "--arch", "cpu"]
     command += ["-o", str(tmp_path / "a.mp4"), "-o", str(tmp_path / "a_%04d.png")]
     process = subprocess.Popen([*command, "--size", "64x36"], stderr=subprocess.PIPE, text=True)
@@ -141,7 +138,6 @@ def test_a_capture_whose_simulation_is_killed_keeps_its_frames(tmp_path):
     said = process.communicate(timeout=PATIENCE)[1].splitlines()
     assert process.returncode == 1 and "has ended (signal 9)" in said[-1], said
     assert imageio.get_reader(tmp_path / "a.mp4").count_frames() >= 3
-    assert shared() == before
 
 
 @on_linux
