@@ -144,7 +144,7 @@ def heave(
     first, last = entries[len(entries) // 2], entries[-1]
     force = (first.body_impulse[1] - last.body_impulse[1]) / (last.time - first.time)
     stiffness = KRAMER_WATER * KRAMER_GRAVITY * math.pi * RADIUS**2
-    # The bulk density is not exact: at 6 spacings per radius the water stands 0.4 mm higher.
+    # The bulk density is not exact: at 6 spacings per radius the water stands 0.5 mm higher.
     higher = full - rest + (force - MASS * KRAMER_GRAVITY) / stiffness
     sim.close()
     sim, rest = held(rest + drop)

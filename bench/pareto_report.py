@@ -259,7 +259,8 @@ def report(rows: list[dict], folder: Path = RESULTS) -> None:
         "differ in the initial displacements, with the range in brackets.\n*Solver residual*: "
         "max(rho/rho0 - 1, 0) with the solver's own density; *kernel density error*: the same by a "
         "plain sum of the\nM5 kernel over the positions. Bold: no other row is faster and has a "
-        "smaller main error, the first of the case's list.\n",
+        "smaller main error, the first of the case's list.\nRows with and without shear relief met "
+        "different loads; [friction](friction.md) compares them in turn.\n",
     ]
     figures(rows, folder)
     text += ["## The fastest run within an error limit\n", f"{lines_of(recommended(rows))}\n"]
