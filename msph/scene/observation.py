@@ -68,7 +68,8 @@ class Play(Section):
         0.25,
         gt=0.0,
         le=1.0,
-        text="radius around the cursor within which water is pushed, in box lengths",
+        text="radius around the cursor within which water is pushed, over the root of the box's "
+        "length times width",
         label="size of the hand",
         live=(0.05, 0.5),
     )

@@ -17,7 +17,7 @@ from msph.fluid.boundary.rigid_bodies import (
 from msph.fluid.external_forces import Hand, as_vector
 from msph.stage.touch import Touch
 
-# Radius of a thrown ball, and half the edge of a thrown cube, over the box's longest edge; least
+# Radius of a thrown ball, and half the edge of a thrown cube, over the box's breadth; least
 # value of both in finest spacings; density over the water's.
 SIZE, LEAST_SIZE, DENSITY = 0.07, 2.5, 0.4
 # Albedo of thrown bodies in turn, linear RGB: red, yellow, blue, green.
@@ -89,7 +89,7 @@ def _drag(touch: Touch, k: int, offset: np.ndarray) -> None:
 def _throw(touch: Touch) -> None:
     """Throws a ball onto the water, or a cube if the number of floating bodies is odd."""
     number = touch.simulation.boundary.floating.count
-    half = max(SIZE * float(touch.size.max()), LEAST_SIZE * touch.spacing)
+    half = max(SIZE * touch.breadth, LEAST_SIZE * touch.spacing)
     x, velocity = touch.aim(ROOM * half, DISTANCE * half, SPEED)
     motion = Motion(as_vector(velocity))
     body: Ball | Block = Ball(x, half, motion)

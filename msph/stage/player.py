@@ -188,6 +188,7 @@ class Player(Audience):
 
     def _jolt(self) -> None:
         self.steering.jolted = 0.0
+        self.layout.show_message("jolt: the pool rocks for a second")
 
     def _slow_motion(self) -> None:
         normal = self.row.lead.scene.play.speed

@@ -21,7 +21,7 @@ LEVELLING = 0.5  # rate of levelling over the rate of tilting
 EASE = 0.08
 LEVEL = math.radians(0.05)  # tilt that counts as level
 # Jolt: largest tilt [rad], duration [s] and number of swings.
-JOLT_TILT, JOLT_TIME, JOLT_SWINGS = math.radians(5.0), 1.2, 3.0
+JOLT_TILT, JOLT_TIME, JOLT_SWINGS = math.radians(8.0), 1.2, 2.0
 CLICK_WAY, CLICK_TIME = 0.01, 0.4  # largest way (shares of the window) and duration [s] of a click
 
 

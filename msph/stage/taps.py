@@ -7,9 +7,9 @@ from msph.fluid.external_forces import Hand
 from msph.fluid.simulation import FullError, Simulation
 from msph.stage.touch import Touch
 
-# Radius of tap and drain over the box's longest edge, and least radius in finest spacings.
+# Radius of tap and drain over the box's breadth, and least radius in finest spacings.
 RADIUS, LEAST_RADIUS = 0.05, 1.6
-# Height of the tap above the water over the box's longest edge, and speed of its water [m/s].
+# Height of the tap above the water over the box's breadth, and speed of its water [m/s].
 HEIGHT, SPEED = 0.2, 1.5
 # Speed [m/s] at which a drain removes the water above its opening.
 DRAIN_SPEED = 1.5
@@ -24,7 +24,7 @@ def tap(touch: Touch) -> Hand:
         # The zone above the tap must be inside the box.
         least = np.array([radius, d, radius])
         most = size - np.array([radius, (ZONE + 0.1) * d, radius])
-        lifted = touch.surface + HEIGHT * float(size.max()) * np.array((0.0, 1.0, 0.0))
+        lifted = touch.surface + HEIGHT * touch.breadth * np.array((0.0, 1.0, 0.0))
         _open(touch, np.clip(lifted, least, np.maximum(most, least)), SPEED, enters=True)
     return _keep_open(touch)
 
@@ -40,7 +40,7 @@ def drain(touch: Touch) -> Hand:
 
 
 def _radius(touch: Touch) -> float:
-    return max(RADIUS * float(touch.size.max()), LEAST_RADIUS * touch.spacing)
+    return max(RADIUS * touch.breadth, LEAST_RADIUS * touch.spacing)
 
 
 def _open(touch: Touch, centre: np.ndarray, speed: float, enters: bool) -> None:

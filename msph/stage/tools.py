@@ -28,7 +28,7 @@ WAKE_RADIUS, WAKE_GRIP, WAKE_SPEED = 0.3, 0.25, 2.0
 # shower over the push radius, height of the start above the water over the box's height, speed
 # there [m/s].
 RAIN_RATE, RAIN_EVERY, RAIN_RADIUS, RAIN_HEIGHT, RAIN_SPEED = 40.0, 0.1, 0.8, 0.35, 1.5
-# Ball: radius over the box's longest edge, distance from the water towards the camera in radii,
+# Ball: radius over the box's breadth, distance from the water towards the camera in radii,
 # and speed over sqrt(g L) of the box's longest edge L.
 BALL_RADIUS, BALL_DISTANCE, BALL_SPEED = 0.08, 3.0, 0.7
 
@@ -76,9 +76,7 @@ def hover(touch: Touch) -> Hand:
     velocity = touch.velocity * min(
         1.0, WAKE_SPEED / max(float(np.linalg.norm(touch.velocity)), 1e-9)
     )
-    radius = max(
-        WAKE_RADIUS * play.push_radius * float(touch.size.max()), LEAST_RADIUS * touch.spacing
-    )
+    radius = max(WAKE_RADIUS * play.push_radius * touch.breadth, LEAST_RADIUS * touch.spacing)
     grip = WAKE_GRIP * play.push_grip
     return Hand(as_vector(touch.place), as_vector(velocity), (radius,) * 3, grip)
 
@@ -108,7 +106,7 @@ def ball(touch: Touch) -> Hand:
     """Throws a ball of water along the cursor's ray, once per press."""
     if touch.began:
         d = touch.spacing
-        radius = max(BALL_RADIUS * float(touch.size.max()), LEAST_RADIUS * d)
+        radius = max(BALL_RADIUS * touch.breadth, LEAST_RADIUS * d)
         centre, velocity = touch.aim(radius + 0.5 * d, BALL_DISTANCE * radius, BALL_SPEED)
         cells = np.arange(-math.ceil(radius / d), math.ceil(radius / d) + 1) * d
         sites = np.stack(np.meshgrid(cells, cells, cells), axis=-1).reshape(-1, 3)

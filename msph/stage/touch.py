@@ -60,9 +60,15 @@ class Touch:
         return self.simulation.layers.finest.spacing
 
     @property
+    def breadth(self) -> float:
+        """Geometric mean of the box's length and width [m], the scale of what tools move or add: a
+        share of the longest edge would fill a deep pool or a channel."""
+        return math.sqrt(self.size[0] * self.size[2])
+
+    @property
     def radius(self) -> float:
         """Radius of a push [m]."""
-        return max(self.play.push_radius * float(self.size.max()), LEAST_RADIUS * self.spacing)
+        return max(self.play.push_radius * self.breadth, LEAST_RADIUS * self.spacing)
 
     @property
     def up(self) -> np.ndarray:

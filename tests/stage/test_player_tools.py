@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from msph.stage.controls import Controls, ToolUse
 from msph.stage.pacer import Pacer
 from msph.stage.show import Show
 from msph.stage.tools import PRESS_TIME, TOOLS
+from msph.stage.touch import Touch
 from tests.scenes_kit import TEXT, WATER, write
 from tests.stage.player_kit import (
     HEIGHT,
@@ -286,3 +288,14 @@ def test_a_drag_pushes_the_water_and_a_cursor_leaves_a_wake(player, show):
         update={"play": show.scene.play.model_copy(update={"hover": False})}
     )
     assert work_of(set()) == 0.0
+
+
+@pytest.mark.parametrize("scene", ["deep", "waves", "pool"])
+def test_a_hand_is_narrower_than_the_pool(scene):
+    """Regression: its radius was a quarter of the box's longest edge, also of its height."""
+    loaded = load_scene(scene)
+    finest = SimpleNamespace(spacing=0.0)
+    sim = SimpleNamespace(size=loaded.box.size, layers=SimpleNamespace(finest=finest))
+    touch = Touch(sim, np.random.default_rng())
+    touch.play = loaded.play
+    assert touch.radius <= 0.7 * min(loaded.box.size[0], loaded.box.size[2])
