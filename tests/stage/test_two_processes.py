@@ -219,7 +219,8 @@ def test_errors_of_a_scene_are_told_and_the_process_lives_on(tmp_path):
 @on_linux
 def test_a_killed_simulation_ends_the_session_and_keeps_its_recording(remote, tmp_path):
     """The last test of the shared process."""
-    (remote, _), scene, path = remote, write(tmp_path), tmp_path / "input.jsonl"
+    (remote, row), scene, path = remote, write(tmp_path), tmp_path / "input.jsonl"
+    row.close()
     files = Files(record=path, header=Header.of(str(scene), "large"))
     told, before = "the process of the simulation has ended .signal 9", shared()
     with pytest.raises(SimulationError, match=told):
