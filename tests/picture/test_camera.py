@@ -55,6 +55,8 @@ def test_box_ray_of_a_tilted_box_is_the_world_ray_rotated_back():
     eye, d = camera.ray(10, 20, 64, 36)
     eye_box, d_box = camera.box_ray(10, 20, 64, 36, BOX, tilt)
     np.testing.assert_allclose(C + tilt @ (eye_box + 0.7 * d_box - C), eye + 0.7 * d, atol=1e-12)
+    (found,) = camera.project([eye_box + 0.7 * d_box], 64, 36, BOX, tilt)
+    np.testing.assert_allclose(found * (64, 36), (10.5, 20.5), atol=1e-9)
 
 
 def test_shot_rays_are_the_cameras_rays():

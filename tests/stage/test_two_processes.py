@@ -28,6 +28,7 @@ from msph.stage.remote import Remote, SimulationError
 from msph.stage.show import INTERACTIVE, Show
 from tests.scenes_kit import write
 from tests.stage.player_kit import FRAME, SIZE, frames, played, press
+from tests.tiers import slow_but
 
 # Longest wait [s] for a process, also on a busy machine.
 PATIENCE = 300.0
@@ -40,10 +41,10 @@ def order_of(scene, files=None):
 
 
 @contextlib.contextmanager
-def built(scene, files=None):
+def built(scene):
     """Yields a remote and the row of its simulation."""
     with Remote(*start_simulations("cpu", 1)) as remote:
-        row = remote.row(order_of(scene, files), SIZE)
+        row = remote.row(order_of(scene), SIZE)
         yield remote, row
         row.close()
 
@@ -76,27 +77,8 @@ def inputs():
     return given
 
 
-def test_two_processes_compute_what_one_computes(remote):
-    """Positions and velocities are equal bit for bit on one thread."""
-    _, row = remote
-    scene = row.lead.initial
-    here = Show(scene, FRAME, SIZE, timings=Timings(keep=1), **INTERACTIVE)
-    here.warm_up()
-    for given in inputs():
-        row.frame(given)
-        answered(row)
-        here.frame(given)
-        assert row.lead.now.time == here.simulation.time
-    for name in ("x", "v", "layer", "id"):
-        ours, theirs = (show.state.particles.numpy(name) for show in (here, row.lead))
-        order, other = (np.argsort(s.state.particles.numpy("id")) for s in (here, row.lead))
-        assert np.array_equal(ours[order], theirs[other]), name
-    assert row.lead.now.energy == here.now.energy
-    assert row.lead.changes() == here.changes() == {"gravity": 5.0}
-    here.close()
-
-
-@pytest.mark.parametrize("replayed", [False, True])
+# Before `remote` is built, which then uses the same fields.
+@pytest.mark.parametrize("replayed", slow_but([True], [False, True]))
 def test_a_capture_in_two_processes_equals_one_in_a_single_process(replayed, tmp_path):
     """Images and recorded input are equal bit for bit on one thread, whitewater included."""
     scene, replay = write(tmp_path), None
@@ -119,6 +101,27 @@ def test_a_capture_in_two_processes_equals_one_in_a_single_process(replayed, tmp
     assert found[0] == found[1]
 
 
+def test_two_processes_compute_what_one_computes(remote):
+    """Positions and velocities are equal bit for bit on one thread."""
+    _, row = remote
+    scene = row.lead.initial
+    here = Show(scene, FRAME, SIZE, timings=Timings(keep=1), **INTERACTIVE)
+    here.warm_up()
+    for given in inputs():
+        row.frame(given)
+        answered(row)
+        here.frame(given)
+        assert row.lead.now.time == here.simulation.time
+    for name in ("x", "v", "layer", "id"):
+        ours, theirs = (show.state.particles.numpy(name) for show in (here, row.lead))
+        order, other = (np.argsort(s.state.particles.numpy("id")) for s in (here, row.lead))
+        assert np.array_equal(ours[order], theirs[other]), name
+    assert row.lead.now.energy == here.now.energy
+    assert row.lead.changes() == here.changes() == {"gravity": 5.0}
+    here.close()
+
+
+@pytest.mark.slow
 @on_linux
 def test_a_capture_whose_simulation_is_killed_keeps_its_frames(tmp_path):
     scene = write(tmp_path)
@@ -211,11 +214,14 @@ def test_errors_of_a_scene_are_told_and_the_process_lives_on(tmp_path):
 
 
 @on_linux
-def test_a_killed_simulation_ends_the_session_and_keeps_its_recording(tmp_path):
-    scene, before, path = write(tmp_path), shared(), tmp_path / "input.jsonl"
+def test_a_killed_simulation_ends_the_session_and_keeps_its_recording(remote, tmp_path):
+    """The last test of the shared process."""
+    (remote, row), scene, path = remote, write(tmp_path), tmp_path / "input.jsonl"
+    row.close()
     files = Files(record=path, header=Header.of(str(scene), "large"))
-    told = "the process of the simulation has ended .signal 9"
-    with pytest.raises(SimulationError, match=told), built(scene, files) as (remote, row):
+    told, before = "the process of the simulation has ended .signal 9", shared()
+    with pytest.raises(SimulationError, match=told):
+        row = remote.row(order_of(scene, files), SIZE)
         assert shared() == before, "shared memory has a name that a crash leaves behind"
         for _ in range(5):
             row.frame(Controls())
