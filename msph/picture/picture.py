@@ -18,7 +18,7 @@ from msph.picture.hand_view import HandView
 from msph.picture.legend import LegendPanel
 from msph.picture.look import Look
 from msph.picture.particles_view import ParticlesView
-from msph.picture.pixels import Image, as_u8
+from msph.picture.pixels import Image, as_u8, colour_of
 from msph.picture.pool import Pool
 from msph.picture.rasteriser import NO_ITEM, Rasteriser
 from msph.picture.ripples import Ripples
@@ -169,14 +169,16 @@ class Picture:
         factor = self.rays if self.rays > 1 else self.scale
         return max(1, round(factor * self.width)), max(1, round(factor * self.height))
 
-    def set_view(self, camera, tilt):
-        """Sets the view of this frame. Returns True if it changed."""
+    def set_view(self, camera, tilt, whole=False):
+        """Sets the view of this frame; whole: items may be anywhere in the image, not only in the
+        box. Returns True if it changed."""
         state = None if tilt is None else np.asarray(tilt, float).tobytes()
-        view = (camera.state(), state, self.ray_counts)
+        view = (camera.state(), state, self.ray_counts, whole)
         changed = view != self.view
         if changed:
             w, h = self.ray_counts
-            self.lens.set(shot_numbers(camera, tilt, self.box, w, h, self.look, self.region))
+            numbers = shot_numbers(camera, tilt, self.box, w, h, self.look, self.region)
+            self.lens.set(numbers, whole)
             self.view = view
         return changed
 
@@ -207,7 +209,7 @@ class Picture:
     def draw_particles(self, camera, tilt, x, value, lo, hi, n, radius, legend=None):
         """Renders the first n particles at x [m], coloured by `value` from lo to hi. radius: f32
         field [m]; particles of radius 0 are hidden. legend: drawn if the look shows legends."""
-        self.backdrop.take(self.set_view(camera, tilt))
+        self.backdrop.take(self.set_view(camera, tilt, whole=True))
         self.backdrop.refresh()
         self.particles.draw(x, radius, value, lo, hi, n, self.backdrop)
         self.resolve(True)
@@ -242,7 +244,7 @@ class Picture:
         for i, j in ti.ndrange(width, height):
             total = ti.math.vec3(0.0)
             for a, b in ti.ndrange(rays, rays):
-                total += self.fields.canvas[i * rays + a, j * rays + b]
+                total += colour_of(self.fields.canvas[i * rays + a, j * rays + b])
             self.fields.resolved[i, j] = total / rays**2
 
     def to_numpy_u8(self):
