@@ -67,6 +67,7 @@ class Picture:
     ):
         self.mesh, self.boundary, self.room = mesh, boundary, room
         self.drying = EVERY  # simulated time since the last decay of the wetness [s]
+        self.pure = False  # True if the last image is of water without a ball
         # Loops over pixels run in parallel in any scene; load() sets if there are bodies.
         self.traits = Traits()
         with use_traits(self.traits):
@@ -169,11 +170,15 @@ class Picture:
         factor = self.rays if self.rays > 1 else self.scale
         return max(1, round(factor * self.width)), max(1, round(factor * self.height))
 
+    def view_of(self, camera, tilt):
+        """Returns all values that the view of an image depends on."""
+        state = None if tilt is None else np.asarray(tilt, float).tobytes()
+        return camera.state(), state, self.ray_counts
+
     def set_view(self, camera, tilt, whole=False):
         """Sets the view of this frame; whole: items may be anywhere in the image, not only in the
         box. Returns True if it changed."""
-        state = None if tilt is None else np.asarray(tilt, float).tobytes()
-        view = (camera.state(), state, self.ray_counts, whole)
+        view = (self.view_of(camera, tilt), whole)
         changed = view != self.view
         if changed:
             w, h = self.ray_counts
@@ -196,7 +201,16 @@ class Picture:
         if self.droplets:
             white, spilt = self.look.whitewater, self.droplets.rim.has_drops
             self.droplets.show(bool(white), spilt, spray)
+        self.pure = not self.ball
         self.resolve(False)
+
+    def repeat(self, camera, tilt):
+        """Draws the last image again, without panels, if it shows water in this view and no ball.
+        Returns True, or False if a new image is needed."""
+        same = self.pure and not self.ball and self.view == (self.view_of(camera, tilt), False)
+        if same:
+            self.resolve(False)
+        return same
 
     @kernel
     def rasterise(self, contained: ti.i32):
