@@ -10,6 +10,7 @@ from msph.fluid.boundary.body_shapes import END, ROUND
 from msph.launches import data_oriented, kernel
 from msph.picture.body_faces import KEY_BITS
 from msph.picture.moved_bodies import MovedBodies
+from msph.picture.pixels import word
 from msph.picture.pool import MIN_COSINE, RIM, component
 from msph.picture.rasteriser import BLOCK, FAR, NO_ITEM, smooth
 from msph.picture.room import COARSE, PixelFields
@@ -40,6 +41,8 @@ GLASS, FILM = 0.045, 0.02  # reflectance of a pane, and of a film of water, at n
 # Share of light (-) lost by wet glaze (tiles and containers) and by wet clay; number of dry panes
 # that reflect as much as a wet pane.
 WET_GLAZE, WET_CLAY, WET_PANES = 0.15, 0.3, 1.5
+# Smallest change of sky and ground, linear, that is drawn: a level of a word in the dark.
+VISIBLE_CHANGE = 1e-4
 # Notes of blocks: hidden by water, or visible.
 HIDDEN, VISIBLE = range(2)
 # Bits of the argument of draw().
@@ -60,8 +63,10 @@ class Backdrop:
         self.lens, self.key, self.wetness = lens, fields.key, wetness
         self.pool, self.tone, self.faces, self.shadows = pool, tone, faces, pool.shadows
         self.raster = faces.raster
-        self.colour, self.background = fields.backdrop, fields.background
+        self.colour, self.lines, self.background = fields.backdrop, fields.lines, fields.background
         self.postponed = fields.postponed
+        # 1 where a sample of the background changed.
+        self.changed = ti.field(ti.i32, fields.background.shape)
         self.state, self.rough = fields.samples.state, fields.rough
         self.whole = self.complete = False
         self.moved = MovedBodies(faces.boundary, fields.room)
@@ -119,7 +124,13 @@ class Backdrop:
                 self.sample_background(a, b)
         ti.loop_config(block_dim=BLOCK // COARSE)
         for a, b in ti.ndrange(columns // COARSE + 1, rows // COARSE + 1):
-            if given & WHOLE != 0 or self.mark(COARSE * a, COARSE * b) > 0:
+            shot, corner, due = self.lens.shot[None], COARSE * ti.Vector([a, b]), False
+            if given & WHOLE != 0:
+                # Elsewhere sky and ground are visible as before, if they have not changed.
+                due = (corner + COARSE >= shot.first).all() and (corner <= shot.last).all()
+                for k in range(4):
+                    due = due or self.changed[a + k // 2, b + k % 2] == 1
+            if due or self.mark(COARSE * a, COARSE * b) > 0:
                 self.draw_background(a, b)
 
     @ti.func
@@ -137,7 +148,10 @@ class Backdrop:
         colour = self.pool.background(d.normalized(), shot)
         if shot.plain == 1:
             colour = ti.math.mix(shot.low_colour, shot.high_colour, COARSE * b / (shot.rows - 1.0))
-        self.background[a, b] = colour
+        changed = abs(colour - self.background[a, b]).max() > VISIBLE_CHANGE
+        self.changed[a, b] = ti.cast(changed, ti.i32)
+        if changed:
+            self.background[a, b] = colour
 
     @ti.func
     def draw_background(self, a, b):
@@ -154,10 +168,9 @@ class Backdrop:
             u = i / COARSE - a
             start, end = ti.math.mix(low, right, u), ti.math.mix(up, far, u)
             for j in range(COARSE * b, ti.min(COARSE * (b + 1), self.lens.shot[None].rows)):
-                if hidden:
-                    self.colour[i, j] = vec4(0.0)
-                else:
-                    self.colour[i, j] = vec4(ti.math.mix(start, end, j / COARSE - b), 0.0)
+                self.lines[i, j] = 0.0
+                if not hidden:
+                    self.colour[i, j] = word(ti.math.mix(start, end, j / COARSE - b))
 
     @ti.func
     def mark(self, i, j):
@@ -222,7 +235,7 @@ class Backdrop:
                 kind += 1 + way_in  # there is an edge between two panes, even in hidden blocks
                 if way_in != 1 or shot.lid == 1:
                     share = reflected(GLASS, abs(component(d, way_in)))
-                    wet = self.wetness.at(shot.eye + d * near, shot)
+                    wet = self.wetness.at(shot.eye + d * near, way_in, shot)
                     share = ti.math.mix(share, 1.0 - (1.0 - share) ** WET_PANES, wet)
                     mirrored *= 1.0 - 2.0 * vec3(way_in == 0, way_in == 1, way_in == 2)
             if note != HIDDEN:
@@ -281,7 +294,7 @@ class Backdrop:
                 left, added = 1.0 - line, RIM * RIM * line
         # There is no film between a body and the glass that cuts it.
         if (tiled or body >= 0) and not cut:
-            wet = self.wetness.at(p, shot)
+            wet = self.wetness.at(p, ti.select(body < 0, axis, 3), shot)
             if wet > 0.0:
                 mirrored, share = d - 2.0 * d.dot(n) * n, wet * reflected(FILM, -d.dot(n))
                 light, left = (1.0 - WET_GLAZE * wet) * light, (1.0 - share) * left
@@ -317,7 +330,7 @@ class Backdrop:
         if kind % DETAIL < EMPTY:
             rim = sample[REST, 2]
             c = self.tone.display(self.pool.colour_of(kind, sample, 1.0, self.lens.shot[None]))
-            self.colour[i, j] = vec4(ti.math.mix(c, RIM, rim), rim)
+            self.colour[i, j], self.lines[i, j] = word(ti.math.mix(c, RIM, rim)), rim
 
     @ti.func
     def covers(self, i, j, depth):

@@ -107,11 +107,12 @@ class BodyFaces:
         contained: ti.i32,
     ):
         """crossing: 1 for bodies that may cross walls of the box."""
-        columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
+        first, last = self.lens.shot[None].first, self.lens.shot[None].last
         strip = self.raster.strip
         ti.loop_config(block_dim=self.raster.block)
-        for i, s in ti.ndrange(columns, strips(rows, strip)):
-            for j in range(s * strip, ti.min((s + 1) * strip, rows)):
+        for i, s in ti.ndrange((first.x, last.x), strips(last.y - first.y, strip)):
+            low = first.y + s * strip
+            for j in range(low, ti.min(low + strip, last.y)):
                 self.key[i, j], self.entry[i, j] = NO_ITEM, FAR
         ti.loop_config(block_dim=BLOCK)
         for t in range(owner.shape[0]):
@@ -124,8 +125,9 @@ class BodyFaces:
             if kind != REAR or crossing[owner_t] == 1:
                 self.raster.fill(ti.Matrix.rows([a, b, c]), owner_t, kind, self, shot)
         ti.loop_config(block_dim=self.raster.block)
-        for i, s in ti.ndrange(columns, strips(rows, strip)):
-            for j in range(s * strip, ti.min((s + 1) * strip, rows)):
+        for i, s in ti.ndrange((first.x, last.x), strips(last.y - first.y, strip)):
+            low = first.y + s * strip
+            for j in range(low, ti.min(low + strip, last.y)):
                 if self.key[i, j] != NO_ITEM:
                     self.check(i, j, contained, self.lens.shot[None])
 

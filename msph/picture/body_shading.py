@@ -75,9 +75,9 @@ class BodyShading:
     def intersect(self, p, r, most, reach, wide):
         """Intersects the ray p + t r (r unit), which begins outside of bodies and inside of a
         container, with the bodies, for t of 0..most. Returns: t of the first hit, or MISSED; index
-        of the body; True if the ray passes a body within `wide` times its distance from the eye,
-        which is `reach` [m] at p."""
-        nearest, which, close = MISSED, -1, False
+        of the body; its normal there; True if the ray passes a body within `wide` times its
+        distance from the eye, which is `reach` [m] at p."""
+        nearest, which, normal, close = MISSED, -1, vec3(0.0), False
         near = self.numbers.near[None]
         for b in range(self.numbers.count[None]):
             part, q, s = self.span(b, p, r, ti.min(most, nearest), wide * (reach + most))
@@ -86,7 +86,7 @@ class BodyShading:
             if self.boundary.kind[b] == BALL and part[0] < part[1]:
                 t, margin = self.meet_ball(q, s, self.boundary.half[b][0], reach)
                 if t < part[1]:
-                    nearest, which = t, b
+                    nearest, which, normal = t, b, q + t * s
                 t = MISSED
             last, last_d = t, MISSED  # t and distance at the last step
             contains = self.boundary.side[b] < 0.0
@@ -103,11 +103,14 @@ class BodyShading:
                         d < 0.0, (t - last) * d / (last_d - d), d / ti.max(-slope, MIN_SLOPE)
                     )
                     nearest, which, margin, way = t + back, b, MISSED, MISSED
+                    normal = found.yzw
                 last, last_d, t = t, d, way
             if t < part[1]:
-                nearest, which = t, b  # all steps were short: the ray is along a side
+                nearest, which, normal = t, b, -s  # all steps were short: the ray is along a side
             close = close or margin < wide
-        return nearest, which, close
+        if which >= 0:
+            normal = (self.boundary.rotation[which, END] @ normal).normalized()
+        return nearest, which, normal, close
 
     @ti.func
     def meet_ball(self, q, s, radius, reach):

@@ -19,6 +19,7 @@ from msph.fluid.boundary.rim import MOST_DROPS, Rim
 from msph.fluid.particles.layers import SPHERE_RADIUS
 from msph.launches import data_oriented, kernel
 from msph.picture.optics import cosine_beyond, reflectance
+from msph.picture.pixels import colour_of, word
 from msph.picture.rasteriser import BLOCK, NO_ITEM
 from msph.picture.samples import strips
 from msph.picture.sky import SUN
@@ -78,7 +79,7 @@ class Droplet:
 
 @data_oriented
 class DropletsView:
-    """Draws droplets into the 3-vec field `image` that a WaterShader has drawn. sums: see Sums."""
+    """Draws droplets into the image that a WaterShader has drawn. sums: see DropletSums."""
 
     def __init__(self, spray: Spray, rim: Rim, whitewater: Whitewater, shader, sums, image):
         self.spray, self.rim, self.whitewater = spray, rim, whitewater
@@ -124,7 +125,7 @@ class DropletsView:
         for i, s in ti.ndrange((self.sums.lo[None][0], self.sums.hi[None][0] + 1), self.strips()):
             for j in range(self.sums.lo[None][1] + s * strip, self.end(s, strip)):
                 if self.sums.weight[i, j] + self.sums.mist[i, j] > 0:
-                    self.sums.shown[i, j] = self.colour(i, j, self.lens.shot[None])
+                    self.sums.shown[i, j] = word(self.colour(i, j, self.lens.shot[None]))
         ti.loop_config(block_dim=self.raster.block)
         for i, s in ti.ndrange((self.sums.lo[None][0], self.sums.hi[None][0] + 1), self.strips()):
             for j in range(self.sums.lo[None][1] + s * strip, self.end(s, strip)):
@@ -218,7 +219,7 @@ class DropletsView:
     @ti.func
     def colour(self, i, j, shot: ti.template()):
         """Returns the display-referred colour of a pixel with the droplets in front."""
-        w, shown = self.sums.weight[i, j] / UNIT, self.image[i, j]
+        w, shown = self.sums.weight[i, j] / UNIT, colour_of(self.image[i, j])
         cover = ti.math.smoothstep(FILM, INSIDE, w)
         if cover > 0.0:
             h = self.height(i, j, shot)
@@ -230,7 +231,7 @@ class DropletsView:
             to = vec2(i, j) - BENDING * h * n.xy
             a = ti.math.clamp(ti.cast(ti.round(to.x), ti.i32), 0, shot.columns - 1)
             b = ti.math.clamp(ti.cast(ti.round(to.y), ti.i32), 0, shot.rows - 1)
-            behind = self.image[a, b]
+            behind = colour_of(self.image[a, b])
             d = (shot.origin + shot.du * i + shot.dv * j).normalized()
             normal = n.x * shot.du.normalized() + n.y * shot.dv.normalized() - n.z * shot.forward
             c = ti.max(-d.dot(normal), 0.05)
@@ -252,7 +253,8 @@ class DropletsView:
         """Returns the share (-) of a droplet at c [m] from the eye, at the depth z [m], that is
         visible at a pixel: 0 behind bodies and tiles, decreasing with depth under the surface."""
         share, key = 1.0, self.raster.key[at.x, at.y]
-        if self.backdrop.covers(at.x, at.y, z) or self.pool.hides(c, shot):
+        inside = ((c + shot.eye) > 0.0).all() and ((c + shot.eye) < shot.size).all()
+        if self.backdrop.covers(at.x, at.y, z) or (not inside and self.pool.hides(c, shot)):
             share = 0.0
         elif key != NO_ITEM:
             depth = 1.0 / self.raster.inverse_depth(key, self.raster.item_bits[None], shot)
@@ -264,11 +266,11 @@ class DropletsView:
 
 class DropletSums:
     """Sums over the droplets of a pixel, in units of 1/UNIT: weights, weights times radii [pixels],
-    opacities of mist; 0 between frames. shown: their colour with the image behind; lo, hi: pixels
-    that bound the droplets."""
+    opacities of mist; 0 between frames. shown: words of their colours with the image behind; lo,
+    hi: pixels that bound the droplets."""
 
     def __init__(self, room):
         size = room.width, room.height
         self.weight, self.height, self.mist = (ti.field(ti.i32, size) for _ in range(3))
-        self.shown = ti.Vector.field(3, ti.f32, size)
+        self.shown = ti.field(ti.i32, size)
         self.lo, self.hi = (ti.Vector.field(2, ti.i32, ()) for _ in range(2))

@@ -7,6 +7,7 @@ between rays, and the joints of tiles are antialiased by their own filter."""
 import taichi as ti
 
 from msph.launches import data_oriented, heavy_kernel
+from msph.picture.pixels import colour_of, green_of
 from msph.picture.room import PixelFields
 from msph.picture.samples import CPU_BLOCKS, EVEN, GPU_BLOCKS, SPAN, STATES, UNEVEN, blocks
 from msph.taichi_internals import on_cpu
@@ -24,12 +25,11 @@ LENGTH, DAMPING, LEAST_DAMPING = 6.0, 0.125, 1.0 / 128.0
 
 @data_oriented
 class EdgeFilter:
-    """Writes the canvas with smooth edges to `resolved`. edges: 1 for blocks to smooth."""
+    """Writes the canvas with smooth edges to `resolved`."""
 
     def __init__(self, fields: PixelFields):
         self.canvas, self.resolved = fields.canvas, fields.resolved
         self.state, self.rough = fields.samples.state, fields.rough
-        self.edges = ti.field(ti.i32, fields.rough.shape)
         self.block = CPU_BLOCKS if on_cpu() else GPU_BLOCKS
 
     @heavy_kernel
@@ -38,17 +38,14 @@ class EdgeFilter:
         blocks are of another image."""
         ti.loop_config(block_dim=self.block)
         for a, b in ti.ndrange(blocks(columns), blocks(rows)):
-            self.edges[a, b] = ti.max(whole, self.has_edges(a, b))
-        ti.loop_config(block_dim=self.block)
-        for i in range(columns):
-            for b in range(blocks(rows)):
-                first, end = b * SPAN, ti.min((b + 1) * SPAN, rows)
-                if self.edges[i // SPAN, b] == 1:
-                    for j in range(first, end):
+            edges = ti.max(whole, self.has_edges(a, b))
+            for i in range(a * SPAN, ti.min((a + 1) * SPAN, columns)):
+                if edges == 1:
+                    for j in range(b * SPAN, ti.min((b + 1) * SPAN, rows)):
                         self.resolved[i, j] = self.smoothed(i, j, columns, rows)
                 else:
-                    for j in range(first, end):
-                        self.resolved[i, j] = self.canvas[i, j]
+                    for j in range(b * SPAN, ti.min((b + 1) * SPAN, rows)):
+                        self.resolved[i, j] = colour_of(self.canvas[i, j])
 
     @ti.func
     def has_edges(self, a, b):
@@ -59,7 +56,7 @@ class EdgeFilter:
         for k in range(5):
             c = a + ti.select(k == 1, -1, 0) + ti.select(k == 2, 1, 0)
             d = b + ti.select(k == 3, -1, 0) + ti.select(k == 4, 1, 0)
-            if c >= 0 and d >= 0 and c < self.edges.shape[0] and d < self.edges.shape[1]:
+            if c >= 0 and d >= 0 and c < self.rough.shape[0] and d < self.rough.shape[1]:
                 state, rough = self.state[c, d] % STATES, self.rough[c, d]
                 if state == UNEVEN or (state == EVEN) != wet:
                     found = 1
@@ -70,7 +67,7 @@ class EdgeFilter:
     @ti.func
     def smoothed(self, i, j, columns, rows):
         """Returns the colour of a pixel, blended along the edge if it belongs to one."""
-        own = self.canvas[i, j]
+        own = colour_of(self.canvas[i, j])
         west, east = ti.max(i - 1, 0), ti.min(i + 1, columns - 1)
         south, north = ti.max(j - 1, 0), ti.min(j + 1, rows - 1)
         a, b = self.green(west, j), self.green(east, j)
@@ -84,7 +81,7 @@ class EdgeFilter:
 
     @ti.func
     def green(self, i, j):
-        return self.canvas[i, j][GREEN]
+        return green_of(self.canvas[i, j])
 
     @ti.func
     def direction(self, west, east, south, north):
@@ -111,6 +108,10 @@ class EdgeFilter:
         p = ti.math.clamp(place, 0.0, ti.cast(last, ti.f32))
         low = ti.cast(p, ti.i32)
         high, t = ti.min(low + 1, last), p - low
-        below = ti.math.mix(self.canvas[low.x, low.y], self.canvas[high.x, low.y], t.x)
-        above = ti.math.mix(self.canvas[low.x, high.y], self.canvas[high.x, high.y], t.x)
+        below = ti.math.mix(
+            colour_of(self.canvas[low.x, low.y]), colour_of(self.canvas[high.x, low.y]), t.x
+        )
+        above = ti.math.mix(
+            colour_of(self.canvas[low.x, high.y]), colour_of(self.canvas[high.x, high.y]), t.x
+        )
         return ti.math.mix(below, above, t.y)

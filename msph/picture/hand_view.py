@@ -3,6 +3,7 @@
 import taichi as ti
 
 from msph.launches import data_oriented, kernel
+from msph.picture.pixels import colour_of, word
 from msph.picture.rasteriser import Rasteriser
 
 vec3 = ti.math.vec3
@@ -21,7 +22,7 @@ GLINT, WIDEST = 0.8, 1.5
 
 @data_oriented
 class HandView:
-    """Draws a ball into the 3-vec field `image`, one value per ray."""
+    """Draws a ball into the field `image` of words, one per ray."""
 
     def __init__(self, lens, raster: Rasteriser, image):
         self.lens, self.raster, self.image = lens, raster, image
@@ -49,5 +50,5 @@ class HandView:
                 opacity *= edge * ti.select(n.dot(shot.up) > 0.0, 1.0, SUNKEN)
                 half = (shot.sun - d).normalized()
                 glint = edge * ti.max(n.dot(half), 0.0) ** GLOSS
-                colour = ti.math.mix(self.image[i, j], vec3(SKIN), opacity)
-                self.image[i, j] = ti.math.mix(colour, vec3(LIGHT), GLINT * glint)
+                colour = ti.math.mix(colour_of(self.image[i, j]), vec3(SKIN), opacity)
+                self.image[i, j] = word(ti.math.mix(colour, vec3(LIGHT), GLINT * glint))

@@ -5,6 +5,7 @@ import numpy as np
 import taichi as ti
 
 from msph.launches import data_oriented, kernel
+from msph.picture.pixels import word
 from msph.picture.pool import RIM
 from msph.picture.rasteriser import BLOCK, NO_ITEM, sphere_inverse_depth
 from msph.picture.tone import curve
@@ -49,7 +50,7 @@ def shown_colour(value):
 
 @data_oriented
 class ParticlesView:
-    """Draws spheres over a backdrop into the 3-vec field `image`."""
+    """Draws spheres over a backdrop into the field `image` of words."""
 
     def __init__(self, lens, rasteriser, tone, image):
         self.lens, self.raster, self.tone, self.image = lens, rasteriser, tone, image
@@ -74,8 +75,7 @@ class ParticlesView:
         ti.loop_config(block_dim=BLOCK)
         for i, j in ti.ndrange(self.lens.shot[None].columns, self.lens.shot[None].rows):
             key = self.raster.key[i, j]
-            behind = backdrop.colour[i, j]
-            self.image[i, j] = behind.xyz
+            self.image[i, j] = backdrop.colour[i, j]
             if key != NO_ITEM:
                 shot = self.lens.shot[None]
                 p = self.raster.item(i, j)
@@ -85,7 +85,8 @@ class ParticlesView:
                 w = sphere_inverse_depth(x[p] - shot.eye, radius[p], d)
                 if not backdrop.covers(i, j, 1.0 / ti.max(w, 1e-9)):
                     c = self.lit(base, x[p] - shot.eye, radius[p], d, shot)
-                    self.image[i, j] = ti.math.mix(self.tone.display(c), RIM, behind.w)
+                    line = backdrop.lines[i, j]
+                    self.image[i, j] = word(ti.math.mix(self.tone.display(c), RIM, line))
 
     @ti.func
     def lit(self, base, c, r, d, shot: ti.template()):

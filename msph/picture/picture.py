@@ -18,7 +18,7 @@ from msph.picture.hand_view import HandView
 from msph.picture.legend import LegendPanel
 from msph.picture.look import Look
 from msph.picture.particles_view import ParticlesView
-from msph.picture.pixels import Image, as_u8
+from msph.picture.pixels import Image, as_u8, colour_of
 from msph.picture.pool import Pool
 from msph.picture.rasteriser import NO_ITEM, Rasteriser
 from msph.picture.ripples import Ripples
@@ -67,6 +67,7 @@ class Picture:
     ):
         self.mesh, self.boundary, self.room = mesh, boundary, room
         self.drying = EVERY  # simulated time since the last decay of the wetness [s]
+        self.pure = False  # True if the last image is of water without a ball
         # Loops over pixels run in parallel in any scene; load() sets if there are bodies.
         self.traits = Traits()
         with use_traits(self.traits):
@@ -169,14 +170,20 @@ class Picture:
         factor = self.rays if self.rays > 1 else self.scale
         return max(1, round(factor * self.width)), max(1, round(factor * self.height))
 
-    def set_view(self, camera, tilt):
-        """Sets the view of this frame. Returns True if it changed."""
+    def view_of(self, camera, tilt):
+        """Returns all values that the view of an image depends on."""
         state = None if tilt is None else np.asarray(tilt, float).tobytes()
-        view = (camera.state(), state, self.ray_counts)
+        return camera.state(), state, self.ray_counts
+
+    def set_view(self, camera, tilt, whole=False):
+        """Sets the view of this frame; whole: items may be anywhere in the image, not only in the
+        box. Returns True if it changed."""
+        view = (self.view_of(camera, tilt), whole)
         changed = view != self.view
         if changed:
             w, h = self.ray_counts
-            self.lens.set(shot_numbers(camera, tilt, self.box, w, h, self.look, self.region))
+            numbers = shot_numbers(camera, tilt, self.box, w, h, self.look, self.region)
+            self.lens.set(numbers, whole)
             self.view = view
         return changed
 
@@ -194,7 +201,16 @@ class Picture:
         if self.droplets:
             white, spilt = self.look.whitewater, self.droplets.rim.has_drops
             self.droplets.show(bool(white), spilt, spray)
+        self.pure = not self.ball
         self.resolve(False)
+
+    def repeat(self, camera, tilt):
+        """Draws the last image again, without panels, if it shows water in this view and no ball.
+        Returns True, or False if a new image is needed."""
+        same = self.pure and not self.ball and self.view == (self.view_of(camera, tilt), False)
+        if same:
+            self.resolve(False)
+        return same
 
     @kernel
     def rasterise(self, contained: ti.i32):
@@ -207,7 +223,7 @@ class Picture:
     def draw_particles(self, camera, tilt, x, value, lo, hi, n, radius, legend=None):
         """Renders the first n particles at x [m], coloured by `value` from lo to hi. radius: f32
         field [m]; particles of radius 0 are hidden. legend: drawn if the look shows legends."""
-        self.backdrop.take(self.set_view(camera, tilt))
+        self.backdrop.take(self.set_view(camera, tilt, whole=True))
         self.backdrop.refresh()
         self.particles.draw(x, radius, value, lo, hi, n, self.backdrop)
         self.resolve(True)
@@ -242,7 +258,7 @@ class Picture:
         for i, j in ti.ndrange(width, height):
             total = ti.math.vec3(0.0)
             for a, b in ti.ndrange(rays, rays):
-                total += self.fields.canvas[i * rays + a, j * rays + b]
+                total += colour_of(self.fields.canvas[i * rays + a, j * rays + b])
             self.fields.resolved[i, j] = total / rays**2
 
     def to_numpy_u8(self):

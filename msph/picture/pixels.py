@@ -7,6 +7,42 @@ import numpy as np
 import taichi as ti
 
 OPAQUE = -0x01000000  # opacity of a packed pixel, its highest byte
+# Colours between passes are words, which take a third of the memory and of its bandwidth: red,
+# green, blue from the lowest bit on, each of WORD_BITS bits, finer than the bytes of an image.
+WORD_BITS = 10
+TOP = (1 << WORD_BITS) - 1
+
+
+@ti.func
+def word(colour):
+    """Returns the word of a display-referred colour."""
+    level = ti.cast(ti.math.clamp(colour, 0.0, 1.0) * TOP + 0.5, ti.i32)
+    return level[0] | (level[1] << WORD_BITS) | (level[2] << (2 * WORD_BITS))
+
+
+@ti.func
+def colour_of(found):
+    """Returns the display-referred colour of a word."""
+    level = ti.Vector([found, found >> WORD_BITS, found >> (2 * WORD_BITS)]) & TOP
+    return level * (1.0 / TOP)
+
+
+@ti.func
+def green_of(found):
+    """Returns the green part of the colour of a word."""
+    return ((found >> WORD_BITS) & TOP) * (1.0 / TOP)
+
+
+def colours(words: np.ndarray) -> np.ndarray:
+    """Returns the display-referred colours (..., 3) float32 of words (...)."""
+    levels = np.stack([words >> (k * WORD_BITS) & TOP for k in range(3)], axis=-1)
+    return levels.astype(np.float32) / TOP
+
+
+def words(colours: np.ndarray) -> np.ndarray:
+    """Returns the words (...) int32 of display-referred colours (..., 3)."""
+    levels = (np.clip(colours, 0.0, 1.0) * TOP + 0.5).astype(np.int32)
+    return sum(levels[..., k] << (k * WORD_BITS) for k in range(3))
 
 
 @dataclass(frozen=True, eq=False)

@@ -146,11 +146,11 @@ class Pool:
     def intersect(self, p, r, most, reach, shot: ti.template()):
         """Intersects a ray from p, reach [m] from the eye, with bodies; see BodyShading.intersect.
         The last result is True if a body's outline may cross a block of pixels around the ray."""
-        t, body, close = MISSED, -1, False
+        t, body, normal, close = MISSED, -1, vec3(0.0), False
         if ti.static(self.traits.bodies):
             wide = OUTLINE_REACH * SPAN * shot.pixel
-            t, body, close = self.bodies.intersect(p, r, most, reach, wide)
-        return t, body, close
+            t, body, normal, close = self.bodies.intersect(p, r, most, reach, wide)
+        return t, body, normal, close
 
     @ti.func
     def far_radiance(self, d, shot: ti.template()):

@@ -48,13 +48,14 @@ class Rasteriser:
 
     @ti.func
     def clear(self, items):
-        """Clears the buffer for item numbers below `items`."""
+        """Clears the buffer for item numbers below `items`, where the shot may show any."""
         self.wet[None] = items
         self.item_bits[None] = ti.max(1, 32 - ti.math.clz(ti.max(items, 1)))
-        columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
+        first, last = self.lens.shot[None].first, self.lens.shot[None].last
         ti.loop_config(block_dim=self.block)
-        for i, s in ti.ndrange(columns, strips(rows, self.strip)):
-            for j in range(s * self.strip, ti.min((s + 1) * self.strip, rows)):
+        for i, s in ti.ndrange((first.x, last.x), strips(last.y - first.y, self.strip)):
+            low = first.y + s * self.strip
+            for j in range(low, ti.min(low + self.strip, last.y)):
                 self.key[i, j] = self.crossing[i, j] = NO_ITEM
                 self.back[i, j] = ti.bit_cast(ti.f32(FAR), ti.i32)
 
@@ -130,12 +131,12 @@ class Rasteriser:
         c = self.homogeneous(corners[2, :], shot)
         near = 1.0 / shot.w_near
         if ti.max(a.z, b.z, c.z) >= near:
-            lo, hi = ti.Vector([0.0, 0.0]), ti.Vector([shot.columns - 1.0, shot.rows - 1.0])
+            lo, hi = ti.cast(shot.first, ti.f32), shot.last - 1.0
             # A triangle that crosses the near plane may cover all pixels.
             if ti.min(a.z, b.z, c.z) > 0.5 * near:
                 pa, pb, pc = a.xy / a.z, b.xy / b.z, c.xy / c.z
-                lo = ti.min(pa, pb, pc) + shot.centre - OVERLAP
-                hi = ti.max(pa, pb, pc) + shot.centre + OVERLAP
+                lo = ti.max(lo, ti.min(pa, pb, pc) + shot.centre - OVERLAP)
+                hi = ti.min(hi, ti.max(pa, pb, pc) + shot.centre + OVERLAP)
             box = self.bounds(lo, hi, shot)
             if box[0] <= box[2] and box[1] <= box[3]:
                 h = ti.Matrix.rows([a, b, c])
@@ -168,12 +169,13 @@ class Rasteriser:
     def mark_wet(self, contained):
         """Sets the item WET in a clipped frame, after draw_mesh()."""
         clipped = ti.max(contained, self.lens.shot[None].immersed)
-        columns, rows = clipped * self.lens.shot[None].columns, self.lens.shot[None].rows
+        first, last = self.lens.shot[None].first, self.lens.shot[None].last
+        end = ti.select(clipped == 1, last.x, first.x)
         ti.loop_config(block_dim=BLOCK)
-        for i, j in ti.ndrange(columns, rows):
-            shot, first = self.lens.shot[None], self.crossing[i, j]
+        for i, j in ti.ndrange((first.x, end), (first.y, last.y)):
+            shot, crossing = self.lens.shot[None], self.crossing[i, j]
             begin = self.begin(i, j, contained == 1)
-            if first & FRONT == 0 and (begin > 0.0 or first & ON_WALL != 0):
+            if crossing & FRONT == 0 and (begin > 0.0 or crossing & ON_WALL != 0):
                 w = 1.0 / ti.max(begin, 1.0 / shot.w_near)
                 self.key[i, j] = self.make_key(w, self.wet[None], self.item_bits[None], shot)
 

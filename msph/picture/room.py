@@ -33,12 +33,12 @@ SMALLEST = PictureRoom()  # the first class
 
 
 class PixelFields:
-    """Fields with a value per pixel, index [right, up]; an image uses their lower left part. 77
-    bytes per pixel: 38 MiB in the first class."""
+    """Fields with a value per pixel, index [right, up]; an image uses their lower left part. 61
+    bytes per pixel: 30 MiB in the first class."""
 
     def __init__(self, room: PictureRoom):
         self.room, size = room, (room.width, room.height)
-        self.canvas = ti.Vector.field(3, ti.f32, size)  # colour of each ray, display-referred
+        self.canvas = ti.field(ti.i32, size)  # colour of each ray, a word of pixels.py
         self.high = ti.Vector.field(3, ti.f32, size)  # the image enlarged along y
         self.resolved = ti.Vector.field(
             3, ti.f32, size
@@ -46,8 +46,8 @@ class PixelFields:
         self.key = ti.field(ti.i32, size)  # visibility buffer (see Rasteriser)
         self.back = ti.field(ti.i32, size)  # bits of the depth of the nearest back face [m]
         self.crossing = ti.field(ti.i32, size)  # first face behind `entry` (see Rasteriser)
-        # Image without water: display-referred colour, and opacity of the edge lines in front.
-        self.backdrop = ti.Vector.field(4, ti.f32, size)
+        # Image without water: words of colours, and opacity of the edge lines in front.
+        self.backdrop, self.lines = ti.field(ti.i32, size), ti.field(ti.f32, size)
         self.body = ti.field(ti.i32, size)  # depth and number of the visible body (see BodyFaces)
         # Depth at which the ray enters the container [m], or FAR; 0 if it begins there.
         self.entry = ti.field(ti.f32, size)

@@ -134,21 +134,17 @@ class BlockSampler:
         for a, b in ti.ndrange(blocks(columns), blocks(rows)):
             if self.state[a, b] % STATES == EVEN:
                 first, base, along_i, along_j, twist = self.corners(a, b)
-                even = first >= 0 and first < DETAIL
-                for n in range(3):
-                    slope = abs(along_i[ADDED, n]) + abs(along_j[ADDED, n]) + abs(twist[ADDED, n])
-                    most = MAX_OFF_PLANE * base[PLACE, 3]
-                    even = even and slope <= MAX_ADDED_CHANGE and abs(twist[PLACE, n]) <= most
-                if not even:
+                slope = abs(along_i[ADDED, :]) + abs(along_j[ADDED, :]) + abs(twist[ADDED, :])
+                bend, most = abs(twist[PLACE, :]).xyz.max(), MAX_OFF_PLANE * base[PLACE, 3]
+                even = first >= 0 and first < DETAIL and bend <= most
+                if not (even and slope.xyz.max() <= MAX_ADDED_CHANGE):
                     self.state[a, b] += UNEVEN - EVEN
                 elif first < EMPTY:
-                    for k in range(SPAN * SPAN):
-                        u, v, sample = k // SPAN / SPAN, k % SPAN / SPAN, Sample(0.0)
-                        # Runtime loops over elements: unrolled, they take a second to compile.
-                        for m, n in ti.ndrange(4, 4):
-                            slope = along_j[m, n] + u * twist[m, n]
-                            sample[m, n] = base[m, n] + u * along_i[m, n] + v * slope
-                        self.source.put(a * SPAN + k // SPAN, b * SPAN + k % SPAN, first, sample)
+                    for m in range(SPAN):
+                        left, along = base + m / SPAN * along_i, along_j + m / SPAN * twist
+                        for n in range(SPAN):
+                            sample = left + n / SPAN * along
+                            self.source.put(a * SPAN + m, b * SPAN + n, first, sample)
 
     @ti.func
     def corners(self, a, b):

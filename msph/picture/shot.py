@@ -11,7 +11,7 @@ import taichi as ti
 from msph.device_table import DeviceTable
 from msph.picture.optics import refracted
 
-vec2, vec3 = ti.math.vec2, ti.math.vec3
+vec2, vec3, ivec2 = ti.math.vec2, ti.math.vec3, ti.math.ivec2
 
 NEAR_PLANE = 0.005  # near plane [m]
 DEPTH_RANGE = 1.3  # range of distinct depths, over the box's depth
@@ -51,6 +51,8 @@ Shot = ti.types.struct(
     skin=ti.f32,  # distance within which a face is on a wall [m]
     lo=vec2,  # smallest and largest pixel coordinates of the box
     hi=vec2,
+    first=ivec2,  # pixels (right, up) between which water and bodies may be visible, now or in
+    last=ivec2,  # the view before: first to last - 1
     tiles=vec3,  # tiles per metre along x, y, z
     eta=ti.f32,  # refractive index of air over index of water
     reflection=ti.f32,  # share of mirrored light that is shown
@@ -86,11 +88,14 @@ def shot_numbers(camera, tilt, box, width, height, look, region=None):
     near = max(depths.min(), NEAR_PLANE)
     far = max(depths.max(), 2 * near)
     middle = np.array(((0.5 + camera.shift) * width - 0.5, height / 2 - 0.5))
-    z = (corners - eye) @ forward
-    lo, hi = np.zeros(2), np.array((width, height))
-    if z.min() > NEAR_PLANE:
-        pixels = middle + (corners - eye) @ np.stack((to_i, to_j), 1) / z[:, None]
-        lo, hi = pixels.min(0) - 1, pixels.max(0) + 1
+    around = [_outline(x - eye, to_i, to_j, forward) for x in (corners, UNIT_CORNERS * region)]
+    whole = np.array((width, height))
+    (lo, hi), (first, last) = (
+        (np.zeros(2), whole) if x is None else (middle + x[0] - 1, middle + x[1] + 1)
+        for x in around
+    )
+    first = np.clip(np.floor(np.minimum(lo, first)), 0, whole).astype(int)
+    last = np.clip(np.ceil(np.maximum(hi, last)) + 1, 0, whole).astype(int)
     sun = R.T @ look.sun_direction()
     beam = -refracted(-sun, R[1], 1 / look.refractive_index)
     drift = -beam[[0, 2]] / max(beam[1], MIN_DESCENT)
@@ -123,6 +128,8 @@ def shot_numbers(camera, tilt, box, width, height, look, region=None):
         "skin": WALL_SKIN * box.max(),
         "lo": lo,
         "hi": hi,
+        "first": first,
+        "last": last,
         "tiles": np.maximum(np.round(box / (TILE * box.max())), 1) / box,
         "eta": 1 / look.refractive_index,
         "reflection": look.reflection,
@@ -141,6 +148,16 @@ def shot_numbers(camera, tilt, box, width, height, look, region=None):
     }
 
 
+def _outline(c, to_i, to_j, forward):
+    """Returns least and largest pixel coordinates, from the view axis, of points c [m] relative to
+    the eye, or None if any is not in front of it."""
+    z = c @ forward
+    if z.min() <= NEAR_PLANE:
+        return None
+    pixels = c @ np.stack((to_i, to_j), 1) / z[:, None]
+    return pixels.min(axis=0), pixels.max(axis=0)
+
+
 class Lens:
     """Holds the shot of the present frame: `shot[None]` in kernels, `numbers` on the host."""
 
@@ -148,8 +165,17 @@ class Lens:
         self.table = DeviceTable((), **Shot.members)
         self.shot = self.table.struct
         self.numbers = {}
+        # Pixels (first, last) of the last view, by its number of rays.
+        self.filled: dict[tuple[int, int], tuple] = {}
 
-    def set(self, numbers):
-        """Writes the result of `shot_numbers` to the device."""
-        self.numbers = numbers
-        self.table.fill(**numbers)
+    def set(self, numbers, whole=False):
+        """Writes the result of `shot_numbers` to the device. whole: items may be anywhere in the
+        image, not only in the box."""
+        size = numbers["columns"], numbers["rows"]
+        now = ((0, 0), size) if whole else (numbers["first"], numbers["last"])
+        # Another size of images uses other pixels, which may hold items of any view.
+        before = self.filled.get(size, ((0, 0), size))
+        self.filled = {size: now}
+        first, last = np.minimum(now[0], before[0]), np.maximum(now[1], before[1])
+        self.numbers = {**numbers, "first": first, "last": last}
+        self.table.fill(**self.numbers)

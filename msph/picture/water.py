@@ -8,9 +8,10 @@ reflection outside Snell's window.
 
 import taichi as ti
 
-from msph.launches import data_oriented
+from msph.launches import data_oriented, kernel
 from msph.picture.backdrop import KEY_SLACK
 from msph.picture.optics import bend, cosine_beyond, reflectance, transmittance
+from msph.picture.pixels import word
 from msph.picture.pool import MIN_COSINE, RIM, component
 from msph.picture.rasteriser import FAR, NO_ITEM, smooth, walls_of
 from msph.picture.room import COARSE
@@ -22,6 +23,7 @@ from msph.picture.samples import (
     UNTILED,
     BlockSampler,
     make_sample,
+    strips,
 )
 from msph.picture.sky import SKY_LIGHT, SUN, SUN_LIGHT
 from msph.picture.sunlight import bilinear
@@ -43,7 +45,7 @@ LOW, CUT, FOLDED, LEFT_AGAIN, BODY, SUNK, STRAIGHT = 4, 8, 16, 32, 64, 1 << 14, 
 
 @data_oriented
 class WaterShader:
-    """Shades water over a backdrop into the 3-vec field `image`, display-referred."""
+    """Shades water over a backdrop into the field `image` of words."""
 
     def __init__(self, mesh, lens, rasteriser, sunlight, ripples, backdrop, image, samples):
         self.mesh, self.lens, self.raster, self.sunlight = mesh, lens, rasteriser, sunlight
@@ -54,53 +56,52 @@ class WaterShader:
 
     def shade(self):
         """Draws the image from the visibility buffer: water, or the backdrop."""
+        self.copy_backdrop()
         self.sampler.draw(self.lens.numbers["columns"], self.lens.numbers["rows"])
+
+    @kernel
+    def copy_backdrop(self):
+        """Draws the image without water."""
+        columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
+        ti.loop_config(block_dim=self.raster.block)
+        for i, s in ti.ndrange(columns, strips(rows, self.raster.strip)):
+            first = s * self.raster.strip
+            for j in range(first, ti.min(first + self.raster.strip, rows)):
+                self.image[i, j] = self.backdrop.colour[i, j]
 
     @ti.func
     def begin(self, i0, j0, given):
         """Sets up a block for BlockSampler: an even block if all its pixels and the corners of the
-        next blocks show water without a step in depth, behind no body. Blocks without water are
-        drawn here. given and the note are not used."""
-        shot = self.lens.shot[None]
-        nearest, even = smooth(self.raster.key, i0, j0, shot.columns, shot.rows, 0)
+        next blocks show water without a step in depth, behind no body. given and the note are not
+        used."""
+        shot, nearest, even = self.lens.shot[None], NO_ITEM, False
+        corner = ti.Vector([i0, j0])
+        if (corner + SPAN > shot.first).all() and (corner < shot.last).all():
+            nearest, even = smooth(self.raster.key, i0, j0, shot.columns, shot.rows, 0)
         drawn = nearest != NO_ITEM
         if ti.static(self.traits.bodies):
             drawn = False
             for k in range(ti.select(nearest != NO_ITEM, SPAN * SPAN, 0)):
-                at = self.pixel(i0, j0, k, shot)
+                at = ti.min(corner + ti.Vector([k // SPAN, k % SPAN]), shot.last - 1)
                 drawn = drawn or self.backdrop.water_at(at.x, at.y, -KEY_SLACK, shot)
                 even = even and self.backdrop.water_at(at.x, at.y, KEY_SLACK, shot)
-        for k in range(ti.select(drawn, 0, SPAN * SPAN)):
-            at = self.pixel(i0, j0, k, shot)
-            self.image[at] = self.backdrop.colour[at].xyz
         return drawn, even, 0
 
     @ti.func
-    def pixel(self, i0, j0, k, shot: ti.template()):
-        """Returns the k-th pixel of a block, in the image."""
-        last = ti.Vector([shot.columns, shot.rows]) - 1
-        return ti.min(ti.Vector([i0 + k // SPAN, j0 + k % SPAN]), last)
-
-    @ti.func
     def wanted(self, i, j):
-        """Returns True for a pixel with water; draws the backdrop at a pixel without water."""
-        wet = self.backdrop.water_at(i, j, -KEY_SLACK, self.lens.shot[None])
-        if not wet:
-            self.image[i, j] = self.backdrop.colour[i, j].xyz
-        return wet
+        """Returns True for a pixel with water."""
+        return self.backdrop.water_at(i, j, -KEY_SLACK, self.lens.shot[None])
 
     @ti.func
     def put(self, i, j, kind, sample):
-        """Draws water, or a body in front of it."""
+        """Draws water, unless a body is in front of it."""
         shot = self.lens.shot[None]
-        behind = self.backdrop.colour[i, j]
-        shown = behind.xyz
         if not self.backdrop.covers(i, j, sample[REST, 1]):
             q = vec3(sample[PLACE, 0], sample[PLACE, 1], sample[PLACE, 2])
             focus = self.sunlight.concentration(q, sample[REST, 0], shot)
             c = self.pool.colour_of(kind, sample, focus, shot)
-            shown = ti.math.mix(self.tone.display(c), RIM, behind.w)
-        self.image[i, j] = shown
+            line = self.backdrop.lines[i, j]
+            self.image[i, j] = word(ti.math.mix(self.tone.display(c), RIM, line))
 
     @ti.func
     def trace(self, i, j, note):
@@ -163,7 +164,7 @@ class WaterShader:
             s, axis, low = self.pool.exit_face(p, r, shot.size)
             # The reflected ray of a cut leaves the box or the container.
             way_out = ti.select(inwards or not cut, s, 0.0)
-            t, body, close = self.pool.intersect(p, r, way_out, reach, shot)
+            t, body, n_body, close = self.pool.intersect(p, r, way_out, reach, shot)
             s = ti.min(s, t)
             q, through, deep, lit = p + r * s, vec3(0.0), 0.0, 1.0
             footprint = shot.pixel * (reach + s) / ti.max(abs(component(r, axis)), MIN_COSINE)
@@ -192,7 +193,6 @@ class WaterShader:
                     if inwards:
                         kind += UNTILED - axis - LOW * low + BODY * (1 + body)
                         focus = lit * self.sunlight.concentration(q, deep, shot)
-                    n_body = self.pool.bodies.normal(body, q)
                     seen = self.pool.bodies.shade(body, n_body, to_sun, focus, shot)
             if inwards:
                 place, under, left = vec4(q, footprint), deep, through

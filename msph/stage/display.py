@@ -53,6 +53,7 @@ class Display:
         self.picture: Any = None
         self.views: Any = None
         self.whitewater: Any = None
+        self.shown: Any = None  # the moment of the last image of water
         self.load(size)
 
     def load(self, size: tuple[int, int] | None) -> None:
@@ -173,11 +174,22 @@ class Display:
             if self.picture:
                 self.picture.take_bodies()
         water = self.picture is not None and self.views.name == "water"
+        moment = self._moment() if water and not self.meshes else None
+        if moment and moment == self.shown:
+            self.picture.ball = self.state.now.ball
+            if self.picture.repeat(self.view, self.state.now.tilt):
+                return
+        self.shown = moment
         if self.surface and new and (water or self.meshes):
             with self.stage("surface"), self.state.at_frame():
                 self.surface.extract(for_image=self.sprayed)
         if self.picture:
             self._render()
+
+    def _moment(self) -> tuple[Any, ...]:
+        """Returns what identifies the water and bodies of an image."""
+        now, state = self.state.now, self.state
+        return now.time, now.resets, state.particles.count, state.boundary.count
 
     def matted_image(self) -> np.ndarray:
         """Renders the last image again, (height, width, 4) uint8, with its opacity."""

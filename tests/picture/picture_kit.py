@@ -3,6 +3,7 @@
 import numpy as np
 import taichi as ti
 
+from msph.picture.pixels import colours
 from msph.picture.rasteriser import NO_ITEM
 
 BOX = (1.0, 0.8, 1.0)
@@ -12,7 +13,13 @@ WIDTH, HEIGHT = 320, 180
 
 def canvas_of(picture) -> np.ndarray:
     """Returns the colours (WIDTH, HEIGHT, 3) of the rays, before edges are smoothed."""
-    return picture.fields.canvas.to_numpy()[:WIDTH, :HEIGHT]
+    return colours(picture.fields.canvas.to_numpy()[:WIDTH, :HEIGHT])
+
+
+def backdrop_of(picture) -> np.ndarray:
+    """Returns colours and opacity of edge lines (WIDTH, HEIGHT, 4) of the image without water."""
+    shown, lines = picture.backdrop.colour.to_numpy(), picture.backdrop.lines.to_numpy()
+    return np.concatenate([colours(shown), lines[..., None]], axis=2)[:WIDTH, :HEIGHT]
 
 
 class Mesh:

@@ -1,7 +1,17 @@
 import numpy as np
 import pytest
 import taichi as ti
-from picture_kit import BOX, HEIGHT, LEVEL, WIDTH, ball, canvas_of, covered, still_water
+from picture_kit import (
+    BOX,
+    HEIGHT,
+    LEVEL,
+    WIDTH,
+    backdrop_of,
+    ball,
+    canvas_of,
+    covered,
+    still_water,
+)
 
 from msph.picture import samples
 from msph.picture.camera import Camera
@@ -20,7 +30,7 @@ def test_an_empty_pool_shows_no_water(picture, mesh):
     mesh.counts.fill(0)
     picture.draw_water(camera())
     assert not covered(picture.raster).any()
-    backdrop = picture.backdrop.colour.to_numpy()[:WIDTH, :HEIGHT]
+    backdrop = backdrop_of(picture)
     np.testing.assert_array_equal(canvas_of(picture), backdrop[..., :3])
 
 
@@ -30,7 +40,7 @@ def test_water_changes_only_the_pixels_it_covers(picture, mesh):
     image, seen = canvas_of(picture), covered(picture.raster)
     assert 0.1 < seen.mean() < 0.5
     assert np.isfinite(image).all() and image.min() >= 0 and image.max() <= 1
-    change = np.abs(image - picture.backdrop.colour.to_numpy()[:WIDTH, :HEIGHT][..., :3]).max(-1)
+    change = np.abs(image - backdrop_of(picture)[..., :3]).max(-1)
     assert (change[~seen] == 0).all() and change[seen].mean() > 0.02
 
 
@@ -224,9 +234,9 @@ def test_backdrop_left_out_under_water_does_not_change_the_image(picture, mesh):
     mesh.fill(*still_water())
     view = camera(azimuth=0.8)
     picture.draw_water(view)
-    first, partly = picture.image.to_numpy(), picture.backdrop.colour.to_numpy()[:WIDTH, :HEIGHT]
+    first, partly = picture.image.to_numpy(), backdrop_of(picture)
     picture.draw_water(view)
-    second, whole = picture.image.to_numpy(), picture.backdrop.colour.to_numpy()[:WIDTH, :HEIGHT]
+    second, whole = picture.image.to_numpy(), backdrop_of(picture)
     np.testing.assert_array_equal(first, second)
     seen = covered(picture.raster)
     assert (partly[~seen] == whole[~seen]).all() and np.abs(partly - whole)[seen].max() > 0.05

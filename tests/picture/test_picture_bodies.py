@@ -13,6 +13,7 @@ from msph.picture.body_faces import KEY_BITS, triangles_of
 from msph.picture.body_shading import CLAY, BodyShading
 from msph.picture.camera import Camera
 from msph.picture.look import Look
+from msph.picture.pixels import colours
 from msph.picture.rasteriser import FAR, NO_ITEM
 from msph.picture.room import COARSE
 from msph.picture.shadows import SHARPNESS, SUN
@@ -54,7 +55,7 @@ class Rays:
     @ti.kernel
     def _trace(self, p: VECTORS, r: VECTORS, found: NUMBERS):
         for i in range(p.shape[0]):
-            t, body, _ = self.bodies.intersect(p[i], r[i], 10.0, 0.0, 0.0)
+            t, body, _, _ = self.bodies.intersect(p[i], r[i], 10.0, 0.0, 0.0)
             found[i, 0], found[i, 1] = t, body
 
 
@@ -362,6 +363,6 @@ def test_a_ball_seen_through_the_glass_from_below_has_no_step_at_its_waterline(p
     view.zoom(0.5)
     picture.draw_water(view)
     rows = covered(picture.raster, WIDTH, HEIGHT)[WIDTH // 2]
-    red, green, _ = picture.fields.canvas.to_numpy()[WIDTH // 2, :HEIGHT][rows].T
+    red, green, _ = colours(picture.fields.canvas.to_numpy()[WIDTH // 2, :HEIGHT][rows]).T
     clay = red > 0.8 * green
     assert 30 < clay.sum() < rows.sum() and abs(np.diff(red[clay])).max() < 0.02

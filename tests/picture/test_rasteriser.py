@@ -32,7 +32,7 @@ class Bench:
         self.raster.draw_spheres(n, self.x, self.radius)
 
     def aim(self, camera):
-        self.lens.set(shot_numbers(camera, None, BOX, WIDTH, HEIGHT, Look()))
+        self.lens.set(shot_numbers(camera, None, BOX, WIDTH, HEIGHT, Look()), whole=True)
         return self.lens.numbers, rays(self.lens.numbers, WIDTH, HEIGHT)
 
     def depth(self):
