@@ -189,7 +189,9 @@ class Display:
     def _moment(self) -> tuple[Any, ...]:
         """Returns what identifies the water and bodies of an image."""
         now, state = self.state.now, self.state
-        return now.time, now.resets, state.particles.count, state.boundary.count
+        # The speed tells a checkpoint of other water at the same time.
+        counts = state.particles.count, state.boundary.count
+        return now.time, now.resets, now.top_speed, *counts
 
     def matted_image(self) -> np.ndarray:
         """Renders the last image again, (height, width, 4) uint8, with its opacity."""

@@ -45,6 +45,14 @@ def test_new_time_a_reset_another_view_and_a_parameter_are_drawn(show):
     assert "Picture.rasterise" not in frame(show, still=True)[0]
 
 
+def test_a_checkpoint_of_other_water_at_the_same_time_is_drawn(show, tmp_path):
+    frame(show)
+    assert "Picture.rasterise" not in frame(show, still=True)[0]
+    show.keep(tmp_path / "kept.npz")
+    show.resume(tmp_path / "kept.npz")
+    assert "Picture.rasterise" in frame(show, still=True)[0]
+
+
 def test_panels_over_a_repeated_image_are_removed(show):
     _, before = frame(show, still=True)
     show.display.picture.image.field.fill(0.5)
