@@ -1,7 +1,7 @@
-"""CPU times of the tests, from the reports of the last `make test-all` and `make test-plain`.
+"""CPU times of the tests, from the reports that `make test-all` and `make test-plain` have left.
 
 make durations: writes tests/durations.json, by which conftest.py orders the files, and the first
-part of bench/results/tests.md; the part from the heading of MUTATIONS on is kept.
+part of bench/results/tests.md; the part from the heading KEPT on is written by hand.
 """
 
 import collections
@@ -16,13 +16,17 @@ DURATIONS = Path(__file__).with_name("durations.json")
 ROOT = Path(__file__).resolve().parent.parent
 # Reports of pytest by name of the run; number of the slowest tests that are listed.
 RUNS, LISTED = ("test", "test-slow", "test-plain"), 50
-MUTATIONS = "## Mutations"
+KEPT = "## Before the tiers"
+
+
+def report_of(run: str) -> Path:
+    return ROOT / "out" / "tests" / f"{run}.xml"
 
 
 def read(run: str) -> list[tuple[str, str, float]]:
     """Returns file, test and CPU time [s] of each test of a run."""
     found = []
-    for case in ElementTree.parse(ROOT / "out" / "tests" / f"{run}.xml").getroot().iter("testcase"):
+    for case in ElementTree.parse(report_of(run)).getroot().iter("testcase"):
         (file,) = (part for part in case.attrib["classname"].split(".") if part.startswith("test_"))
         cpu = case.find("properties/property[@name='cpu']")
         seconds = 0.0 if cpu is None else float(cpu.attrib["value"])  # none if skipped
@@ -34,9 +38,10 @@ def main() -> None:
     """Writes the durations of the last runs."""
     from bench.report import RESULTS, place
 
-    found = {run: read(run) for run in RUNS}
+    found = {run: read(run) for run in RUNS if report_of(run).exists()}
+    tiers = [run for run in RUNS[:2] if run in found]
     totals: collections.Counter[str] = collections.Counter()
-    for run in RUNS[:2]:
+    for run in tiers:
         for file, _, seconds in found[run]:
             totals[file] += seconds
     seconds = {file: round(total) for file, total in totals.most_common()}
@@ -54,7 +59,7 @@ def main() -> None:
         tabulate(
             [
                 (run, *test)
-                for run in RUNS[:2]
+                for run in tiers
                 for test in sorted(found[run], key=lambda test: -test[2])[:LISTED]
             ],
             ["run", "file", "test", "s"],
@@ -64,7 +69,7 @@ def main() -> None:
         "",
     ]
     path = RESULTS / "tests.md"
-    kept = "".join(path.read_text().partition(MUTATIONS)[1:])
+    kept = "".join(path.read_text().partition(KEPT)[1:])
     path.write_text("\n".join([*report, kept]) if kept else "\n".join(report))
 
 

@@ -107,14 +107,15 @@ def test_an_existing_output_is_refused_and_nothing_is_written(command, tmp_path)
 @settings(deadline=None, derandomize=True, max_examples=60)
 @given(st.sampled_from(sorted(COMMANDS)), st.data())
 def test_any_files_are_unchanged(one_folder, command, data):
-    """A command is refused and changes no file if an output exists, whatever other files exist."""
+    """A command is refused and changes no file if an output with content exists, whatever other
+    files exist."""
     names = COMMANDS[command][1]
     taken = data.draw(st.sets(st.sampled_from(names), min_size=1))
     beside = data.draw(st.sets(st.sampled_from(decoys(names)), max_size=6))
     folder = Path(tempfile.mkdtemp(dir=one_folder))
     filled(folder, ())
     for name in taken | beside:
-        (folder / name).write_bytes(data.draw(st.binary(max_size=40)))
+        (folder / name).write_bytes(data.draw(st.binary(min_size=1, max_size=40)))
     before = {path: path.read_bytes() for path in folder.iterdir()}
     with pytest.raises(MsphError, match="exists; --force overwrites it"):
         run(command, folder)

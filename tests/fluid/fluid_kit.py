@@ -69,6 +69,11 @@ def record(sim, seconds, gravity=GRAVITY, frame=FRAME):
     return ledger
 
 
+def parts(sim):
+    """Returns the components of a simulation's world."""
+    return sim.world.parts
+
+
 def place(sim, **changes):
     """Replaces attributes of the particles, and measures their densities there."""
     sim.particles.fill(**(sim.particles.state() | changes))
@@ -159,7 +164,7 @@ def neighbours_of(sim):
 
 def images_of(sim):
     """Returns the set of (i, j, mirrors) of all images."""
-    images = sim.world.parts.images
+    images = parts(sim).images
     index, mirrors = images.index.to_numpy().tolist(), images.mirrors.to_numpy().tolist()
     ends = enumerate(zip(*spans(sim, "images"), strict=True))
     return {(i, index[s], mirrors[s]) for i, (a, b) in ends for s in range(a, b)}

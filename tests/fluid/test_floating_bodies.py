@@ -15,7 +15,7 @@ from msph.fluid.moving_box import MovingBox
 from msph.fluid.simulation import FullError
 from msph.launches import watch_compiling
 from msph.measure.ledger import Ledger
-from tests.fluid.fluid_kit import GRAVITY, advance, block_of, record, simulate, spec_of
+from tests.fluid.fluid_kit import GRAVITY, advance, block_of, parts, record, simulate, spec_of
 
 D = 0.04
 LAYER = spec_of(D)
@@ -68,7 +68,7 @@ def test_operator_with_floating_bodies_is_symmetric_and_gives_its_energy():
     multiply(n, p.direction, p.direction, 1)
     assert products[2] == pytest.approx(products[1], rel=1e-4)
     # The multipliers also displace the body.
-    moved = sim.world.parts.links.moved[0].to_numpy()
+    moved = parts(sim).links.moved[0].to_numpy()
     assert np.linalg.norm(moved) > 0.0
 
 
@@ -195,9 +195,9 @@ def test_too_many_links_or_contacts_raise_a_blow_up_error(monkeypatch):
     monkeypatch.setattr(collisions, "MAX_CONTACTS", 3)
     with pytest.raises(BlowUpError, match="bodies touch in .* at most 3"):
         record(sim, 0.5)
-    monkeypatch.setattr(sim.world.parts.links, "capacity", 10)
+    monkeypatch.setattr(parts(sim).links, "capacity", 10)
     with pytest.raises(BlowUpError, match="particles meet bodies in .* at most 10"):
-        sim.world.parts.links.find()
+        parts(sim).links.find()
 
 
 def test_a_body_added_to_a_running_simulation_floats_and_compiles_nothing():

@@ -10,7 +10,7 @@ from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
 from msph.fluid.particles.images import image_capacity
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.projection.solver import Projection
-from tests.fluid.fluid_kit import lattice, listed, simulate, spans, spec_of, sum_of_entries
+from tests.fluid.fluid_kit import lattice, listed, parts, simulate, spans, spec_of, sum_of_entries
 
 D = 0.04
 FINE, COARSE = spec_of(D), LayerSpec(2000.0 * D**3, 1000.0, 2.45)
@@ -76,7 +76,7 @@ def test_images_sum_to_the_share_and_only_particles_at_faces_have_links():
     total = sim.particles.numpy("gradient")
     found = sum_of_entries(sim, "neighbours") + sum_of_entries(sim, "images")
     assert np.abs(found - total).max() < 1e-4 * np.abs(total).max()
-    assert 0 < sim.world.parts.links.found[None] < 2 * sim.particles.count
+    assert 0 < parts(sim).links.found[None] < 2 * sim.particles.count
 
 
 @pytest.mark.parametrize("counts", [(12, 12, 12), (4, 4, 200), (3, 3, 400), (4, 24, 24)])
@@ -87,7 +87,7 @@ def test_images_complete_the_neighbours_of_a_lattice_between_walls(counts):
     size = tuple(D * np.array(counts))
     sim = simulation(x, 0 * layer, size, [])
     sim.measure_density()
-    assert sim.world.parts.images.found[None] <= image_capacity(size, [FINE, COARSE], len(x), False)
+    assert parts(sim).images.found[None] <= image_capacity(size, [FINE, COARSE], len(x), False)
     steps = np.stack(np.meshgrid(*[np.arange(-3, 4)] * 3), axis=-1).reshape(-1, 3)
     near = np.sum(listed(np.linalg.norm(steps, axis=1), 2.45)) - 1
     counts = [end - begin for begin, end in (spans(sim, "neighbours"), spans(sim, "images"))]
@@ -104,7 +104,7 @@ def test_ratios_of_meshes_are_smooth_where_their_shares_vanish():
     sim.close()
     sim = simulation(x[apart], layer[apart], size, mesh)
     sim.measure_density()
-    links = sim.world.parts.links
+    links = parts(sim).links
     slope = np.linalg.norm(links.slope.to_numpy()[: links.found[None]], axis=1)
     assert links.found[None] > 100
     assert slope.max() < 5.0 / D
@@ -130,12 +130,12 @@ def test_links_hold_the_gradients_by_the_motion_of_bodies():
     apart = sim.boundary.free(x, 0.06 * D)
     sim.close()
     sim = simulation(x[apart], layer[apart], size, bodies_at_walls())
-    links, floating = sim.world.parts.links, sim.boundary.floating
+    links, floating = parts(sim).links, sim.boundary.floating
     weights = np.random.default_rng(1).random(len(x))
 
     def total():
         sim.boundary.restore(0.0, floating.state())
-        sim.world.parts.images.refresh()
+        parts(sim).images.refresh()
         return (weights[sim.particles.numpy("id")] * sim.particles.numpy("body_share")).sum()
 
     sim.measure_density()
@@ -183,7 +183,7 @@ def test_bodies_at_opposite_walls_have_mirrored_forces():
 def test_too_many_images_raise_a_blow_up_error(monkeypatch):
     x, layer = water((6, 5, 6))
     sim = simulation(x, layer, (6 * D, 8 * D, 6 * D), [Ball(np.array((0.12, 0.1, 0.12)), 0.06)])
-    monkeypatch.setattr(sim.world.parts.images, "capacity", 10)
+    monkeypatch.setattr(parts(sim).images, "capacity", 10)
     with pytest.raises(BlowUpError, match="mirror particles in .* at most 10"):
         sim.measure_density()
-        sim.world.parts.images.refresh()
+        parts(sim).images.refresh()

@@ -19,7 +19,7 @@ from msph.scene.build import build_simulation
 from msph.scene.errors import SceneError
 from msph.scene.openings import openings
 from msph.scene.water import layer_specs
-from tests.fluid.fluid_kit import GRAVITY, block_of, place, record, spec_of
+from tests.fluid.fluid_kit import GRAVITY, block_of, parts, place, record, spec_of
 from tests.fluid.fluid_kit import simulate as water
 
 D = 0.04
@@ -103,7 +103,7 @@ def test_openings_out_of_reach_hide_no_image(through_flow):
     image = pairs[:, 3:] * np.array([1.0, -1.0, 1.0])
     pairs = np.ascontiguousarray(pairs[np.linalg.norm(pairs[:, :3] - image, axis=1) < reach])
     found = np.zeros((len(pairs), 2), np.int32)
-    Hidden(through_flow.world.parts.openings.apertures).find(pairs, found, reach)
+    Hidden(parts(through_flow).openings.apertures).find(pairs, found, reach)
     assert len(pairs) > 300 and 0.1 < (found[:, 1] != 0).mean() < 0.9
     assert np.array_equal(found[:, 0], found[:, 1])
 

@@ -17,7 +17,7 @@ from msph.measure.ledger import Ledger
 from msph.scene import load_scene
 from msph.scene.build import build_simulation
 from msph.taichi_internals import on_cpu
-from tests.fluid.fluid_kit import FRAME, block_of, images_of, neighbours_of, place, record
+from tests.fluid.fluid_kit import FRAME, block_of, images_of, neighbours_of, parts, place, record
 
 SIZE, SPACING = (0.4, 0.3, 0.4), 0.04
 # Gravity in a box tilted by 40 degrees.
@@ -151,7 +151,7 @@ def test_neighbours_above_the_rim_are_complete_and_mutual(simulate):
     sim = simulate(dataclasses.replace(plan(0.2), initial={"x": x, "v": v, "layer": layer}))
     place(sim, x=x, v=v)
     x = sim.particles.numpy("x")
-    reach = sim.world.parts.neighbours.reaches[0, 0]
+    reach = parts(sim).neighbours.reaches[0, 0]
     distance = np.linalg.norm(x[:, None] - x[None], axis=2)
     for i, ours in enumerate(neighbours_of(sim)):
         assert set(ours) == set(np.flatnonzero(distance[i] < reach).tolist()) - {i}
