@@ -191,7 +191,7 @@ class Display:
         now, state = self.state.now, self.state
         # The speed tells a checkpoint of other water at the same time.
         counts = state.particles.count, state.boundary.count
-        return now.time, now.resets, now.top_speed, *counts
+        return now.time, now.resets, now.top_speed, now.spilt, *counts
 
     def matted_image(self) -> np.ndarray:
         """Renders the last image again, (height, width, 4) uint8, with its opacity."""
