@@ -28,7 +28,7 @@ def image(show, *places) -> np.ndarray:
     drops |= {"radius": np.full(n, 0.03), "life": np.ones(n)}
     show.simulation.rim.drops.fill(**drops)
     show.simulation.rim.mass = float(n)  # any water outside, so that drops are drawn
-    show.draw()
+    show.frame(Controls(still=True))
     return show.display.picture.to_numpy_u8().astype(int)
 
 
