@@ -134,7 +134,11 @@ class LessonProgress:
         if self.ticked[self.page - 1]:
             return self.reached[self.page - 1]
         names = self.names()
-        return [self._line(text, expressions.value(text, names)) for text in self.task.show]
+        return [
+            f"{label} {with_unit(value, unit)}" if label else self._line(text, value)
+            for label, unit, text in self.task.lines
+            for value in [expressions.value(text, names)]
+        ]
 
     def reading(self, slider: str, value: float) -> str:
         """Returns the value of a slider as text: the value's name, or number and unit."""
