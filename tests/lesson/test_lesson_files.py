@@ -122,7 +122,7 @@ def test_numbers_are_shown_with_their_label_and_unit(tmp_path):
         None,
     )
     progress.answer(1), progress.go(1)
-    assert progress.shown() == ["ponds 1", "half, of ponds 0.5 m/s", "twice 2"]
+    assert progress.shown() == ["ponds 1", "half, of ponds = 0.5 m/s", "twice = 2"]
     for name in LESSONS:
         for task in load_lesson(name).lesson.do:
             for label, _, text in task.lines:
