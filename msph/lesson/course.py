@@ -134,7 +134,11 @@ class LessonProgress:
         if self.ticked[self.page - 1]:
             return self.reached[self.page - 1]
         names = self.names()
-        return [self._line(text, expressions.value(text, names)) for text in self.task.show]
+        return [
+            f"{label} = {with_unit(value, unit)}" if label else self._line(text, value)
+            for label, unit, text in self.task.lines
+            for value in [expressions.value(text, names)]
+        ]
 
     def reading(self, slider: str, value: float) -> str:
         """Returns the value of a slider as text: the value's name, or number and unit."""
@@ -158,7 +162,7 @@ class LessonProgress:
         label = name.replace("_", " ") if name.isidentifier() else text
         if name.isidentifier() and owner != "board" and len(self.numbers) > 1:
             label = f"{self.course.titles[owner]}: {label}"
-        return f"{label} {with_unit(value, unit)}"
+        return f"{label} = {with_unit(value, unit)}"
 
 
 def with_unit(value: float, unit: str) -> str:

@@ -94,7 +94,7 @@ def load_lesson(name: str) -> Course:
     _check_words(lesson, where)
     for k, task in enumerate(lesson.do):
         key = f"do.{k}"
-        for name, text in (("check", task.check), *(("show", text) for text in task.show)):
+        for name, text in (("check", task.check), *(("show", text) for _, _, text in task.lines)):
             try:
                 expressions.check(text, known)
             except expressions.ExpressionError as error:
@@ -205,6 +205,8 @@ def _check_words(lesson: Lesson, where: str) -> None:
     short = {"title": lesson.title}
     short |= {f"predict.choices.{k}": text for k, text in enumerate(lesson.predict.choices)}
     short |= {f"water.{k}.label": water.label for k, water in enumerate(lesson.water)}
+    for k, task in enumerate(lesson.do):
+        short |= {f"do.{k}.show.{n}": label for n, (label, _, _) in enumerate(task.lines)}
     reasons = {f"predict.because.{k}": text for k, text in enumerate(lesson.predict.because)}
     for texts, most in ((long, WORDS), (reasons, REASON), (short, SHORT_WORDS)):
         for key, text in texts.items():

@@ -72,10 +72,19 @@ class Task(Section):
     text: str = parameter(text="what to do, at most 40 words")
     watch: str = parameter("", text="what to see in the video of a web page, at most 40 words")
     check: Expression = parameter(text="expression that is true when the task is completed")
-    show: list[Expression] = parameter(min_length=1, max_length=3, text="expressions to display")
+    show: list[Expression] = parameter(
+        min_length=1, max_length=3, text='what to display: an expression, or "LABEL [UNIT]: ..."'
+    )
     fresh: bool = parameter(False, text="reset the simulations and the sliders at the start")
     view: str = parameter("", text="view of the image, as picture.view of a scene")
     solution: Solution = parameter(text="actions that solve the task")
+
+    @property
+    def lines(self) -> list[tuple[str, str, str]]:
+        """Label ("" for none), unit ("-" for none) and expression of each number to display."""
+        parts = [text.rpartition(":") for text in self.show]
+        heads = [head.removesuffix("]").partition(" [") for head, _, _ in parts]
+        return [(h[0], h[2] or "-", part[2].strip()) for h, part in zip(heads, parts, strict=True)]
 
 
 class Why(Section):

@@ -11,7 +11,7 @@ from msph.lesson.load import load_lesson
 from msph.lesson.student import Student
 from msph.scene.errors import SceneError
 from msph.scene.library import assets
-from tests.lesson.lesson_kit import TINY, written
+from tests.lesson.lesson_kit import LESSONS, TINY, written
 
 # Invalid lessons: text to replace in TINY, replacement, and error message.
 BAD = {
@@ -110,6 +110,23 @@ def test_expressions_compare_numbers_and_refuse_other_code():
     ):
         with pytest.raises(ExpressionError):
             check(text, {"a": None, "b": {"x"}})
+
+
+def test_numbers_are_shown_with_their_label_and_unit(tmp_path):
+    """Regression: students read `54.2 / gravity ** 0.5 * (...)` instead of a name."""
+    shown = '"board.ponds", "half, of ponds [m/s]: board.ponds / 2", "twice: 2 * board.ponds"'
+    progress = LessonProgress(
+        load_lesson(
+            written(tmp_path / "mine", TINY.replace('show = ["board.ponds"', f"show = [{shown}"))
+        ),
+        None,
+    )
+    progress.answer(1), progress.go(1)
+    assert progress.shown() == ["ponds 1", "half, of ponds = 0.5 m/s", "twice = 2"]
+    for name in LESSONS:
+        for task in load_lesson(name).lesson.do:
+            for label, _, text in task.lines:
+                assert label or text.replace(".", "").isidentifier(), f"{name}: {text} has no label"
 
 
 def test_named_values_are_shown_by_name(tmp_path):
