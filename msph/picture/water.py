@@ -8,7 +8,7 @@ reflection outside Snell's window.
 
 import taichi as ti
 
-from msph.launches import data_oriented, kernel
+from msph.launches import data_oriented
 from msph.picture.backdrop import KEY_SLACK
 from msph.picture.optics import bend, cosine_beyond, reflectance, transmittance
 from msph.picture.pixels import word
@@ -23,7 +23,6 @@ from msph.picture.samples import (
     UNTILED,
     BlockSampler,
     make_sample,
-    strips,
 )
 from msph.picture.sky import SKY_LIGHT, SUN, SUN_LIGHT
 from msph.picture.sunlight import bilinear
@@ -56,26 +55,20 @@ class WaterShader:
 
     def shade(self):
         """Draws the image from the visibility buffer: water, or the backdrop."""
-        self.copy_backdrop()
         self.sampler.draw(self.lens.numbers["columns"], self.lens.numbers["rows"])
-
-    @kernel
-    def copy_backdrop(self):
-        """Draws the image without water."""
-        columns, rows = self.lens.shot[None].columns, self.lens.shot[None].rows
-        ti.loop_config(block_dim=self.raster.block)
-        for i, s in ti.ndrange(columns, strips(rows, self.raster.strip)):
-            first = s * self.raster.strip
-            for j in range(first, ti.min(first + self.raster.strip, rows)):
-                self.image[i, j] = self.backdrop.colour[i, j]
 
     @ti.func
     def begin(self, i0, j0, given):
         """Sets up a block for BlockSampler: an even block if all its pixels and the corners of the
-        next blocks show water without a step in depth, behind no body. given and the note are not
-        used."""
+        next blocks show water without a step in depth, behind no body. Draws the image without
+        water. given and the note are not used."""
         shot, nearest, even = self.lens.shot[None], NO_ITEM, False
         corner = ti.Vector([i0, j0])
+        for k in range(SPAN * SPAN):
+            at = ti.min(
+                corner + ti.Vector([k // SPAN, k % SPAN]), [shot.columns - 1, shot.rows - 1]
+            )
+            self.image[at] = self.backdrop.colour[at]
         if (corner + SPAN > shot.first).all() and (corner < shot.last).all():
             nearest, even = smooth(self.raster.key, i0, j0, shot.columns, shot.rows, 0)
         drawn = nearest != NO_ITEM
