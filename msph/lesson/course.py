@@ -162,7 +162,7 @@ class LessonProgress:
         label = name.replace("_", " ") if name.isidentifier() else text
         if name.isidentifier() and owner != "board" and len(self.numbers) > 1:
             label = f"{self.course.titles[owner]}: {label}"
-        return f"{label} = {with_unit(value, unit)}"
+        return f"{label} {with_unit(value, unit)}"
 
 
 def with_unit(value: float, unit: str) -> str:
