@@ -1,1 +1,1 @@
-"""Frame loop and its users: window, recorder, measurement and headless benchmark."""
+"""Frame loop and its users: window, recorder and headless benchmark."""
