@@ -60,10 +60,12 @@ class Moment:
 @dataclass(frozen=True)
 class Wanted:
     """What a window needs besides positions and velocities. view: name of the viewed attribute's
-    view, "" for none; picked: id of the particle whose values are shown, None for none."""
+    view, "" for none; picked: id of the particle whose values are shown, None for none; numbers:
+    names of measured numbers (Order.numbers)."""
 
     view: str = ""
     picked: int | None = None
+    numbers: tuple[str, ...] = ()
 
 
 NOTHING = Wanted()

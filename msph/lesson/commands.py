@@ -1,27 +1,32 @@
 """Implementation of `msph lesson`: lists lessons, runs one in a window, writes pages and slides."""
 
+import contextlib
+
 import click
 from pydantic import BaseModel, Field
 from tabulate import tabulate
 
 from msph import user_cache
 from msph.device import start
-from msph.errors import BadInputError, BlowUpError
+from msph.errors import BadInputError
 from msph.lesson import web
 from msph.lesson.board_view import read
 from msph.lesson.course import LessonProgress
 from msph.lesson.guide import Guide
 from msph.lesson.load import Course, load_lesson, shipped_lessons
 from msph.lesson.paint import band_height
+from msph.lesson.quantities import Numbers
 from msph.lesson.slides import write as write_slides
 from msph.options import AS_GIVEN, RunOptions
 from msph.scene.load import read_toml
 from msph.stage.choice import Choice, SceneArguments
-from msph.stage.ggui_window import GguiWindow
 from msph.stage.layout import Layout
+from msph.stage.link import Order
 from msph.stage.loop import run as run_loop
+from msph.stage.play_command import opened
 from msph.stage.player import Player
-from msph.stage.preparation import prepare_row
+from msph.stage.process import simulations
+from msph.stage.remote import Remote
 from msph.stage.sheet import text_height
 from msph.stage.window import ClosedError, NoWindowError, Window, check_display
 
@@ -37,6 +42,8 @@ KEYS = (
 )
 # Smallest window size for a lesson's pages [pixels].
 MIN_SIZE = (480, 270)
+# Message after a simulation became unstable, as in some tasks.
+RESTARTED = "unstable simulation restarted; r also resets the sliders"
 
 
 class NoLessonWindowError(BadInputError):
@@ -80,49 +87,43 @@ def key(name: str) -> str:
 
 def in_window(course: Course, size: tuple[int, int], frames: int | None, run: RunOptions) -> None:
     """Runs a lesson until the window is closed, and stores its progress."""
-    try:
-        check_display()
-        start(run.arch, run.threads)
-        window = GguiWindow(course.lesson.title, size, KEYS)
-    except NoWindowError as reason:
-        raise NoLessonWindowError(f"{reason}; --html DIR writes a web page instead") from None
     guide = None
-    try:
-        guide = begin(course, window)
-        resume(guide.progress)
-        if guide.progress.row is None:
-            read(window, guide, frames)
-        else:
-            play(guide, window, course.name, frames)
-    except ClosedError:
-        pass
-    finally:
-        window.close()
-        if guide:
-            keep(guide.progress)
+    with contextlib.ExitStack() as ends, contextlib.suppress(ClosedError):
+        try:
+            check_display()
+            own = not course.lesson.board
+            process = ends.enter_context(simulations(run.arch, run.threads, own))
+            window = opened(ends, process, run, course.lesson.title, size, KEYS)
+        except NoWindowError as reason:
+            raise NoLessonWindowError(f"{reason}; --html DIR writes a web page instead") from None
+        try:
+            remote = ends.enter_context(Remote(*process)) if process else None
+            guide = begin(course, window, remote)
+            resume(guide.progress)
+            if guide.progress.row is None:
+                read(window, guide, frames)
+            else:
+                play(guide, window, course.name, frames)
+        finally:
+            if guide:
+                keep(guide.progress)
 
 
 def play(guide: Guide, window: Window, name: str, frames: int | None) -> None:
-    """Plays a lesson's simulations, and resets them if one becomes unstable, as in some tasks."""
+    """Plays a lesson's simulations."""
     row, choice = guide.progress.row, Choice(name, AS_GIVEN)
     assert row is not None
     layout, arguments = Layout(window.size), SceneArguments(name)
-    player = Player(window, row, choice, layout, arguments, guide)
-    while True:
-        try:
-            run_loop(row, player, frames)
-            return
-        except BlowUpError:
-            row.reset()
-            player.layout.show_message("unstable simulation restarted; r also resets the sliders")
+    run_loop(row, Player(window, row, choice, layout, arguments, guide), frames)
 
 
-def begin(course: Course, window: Window) -> Guide:
-    """Returns the guide of a lesson with its simulations prepared."""
-    if course.lesson.board:
+def begin(course: Course, window: Window, remote: Remote | None) -> Guide:
+    """Returns the guide of a lesson with its simulations prepared in the other process."""
+    if not remote:
         return Guide(course, None, window.size)
     below = band_height(text_height(window.size[1]))
-    row = prepare_row(course.scenes, course.labels, window.size, window.report, below)
+    order = Order(course.scenes, course.labels, numbers=Numbers, restart=RESTARTED)
+    row = remote.row(order, window.size, window.report, below)
     return Guide(course, row, window.size)
 
 

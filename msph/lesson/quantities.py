@@ -19,12 +19,13 @@ SURVEY_INTERVAL = 0.1
 @dataclass(frozen=True)
 class Quantity:
     """A quantity: unit, description, function that measures it; slow: True if that takes
-    milliseconds."""
+    milliseconds; shown: True if it is read from the surface, image or camera."""
 
     unit: str
     text: str
     read: Callable[[Show], float]
     slow: bool = False
+    shown: bool = False
 
 
 def _last(name: str) -> Callable[[Show], float]:
@@ -154,7 +155,11 @@ QUANTITIES: dict[str, Quantity] = {
         slow=True,
     ),
     "volume_error": Quantity(
-        "%", "error of the surface's volume", lambda s: 100.0 * s.volume_error(), slow=True
+        "%",
+        "error of the surface's volume",
+        lambda s: 100.0 * s.volume_error(),
+        slow=True,
+        shown=True,
     ),
     "submerged": Quantity(
         "%",
@@ -178,37 +183,42 @@ QUANTITIES: dict[str, Quantity] = {
     "frame_time": Quantity("ms", "elapsed time of the fluid per frame", _frame_time),
     "tilt": Quantity("deg", "tilt of the pool", _tilt),
     "reflectance": Quantity(
-        "%", "reflectance of level water at the camera's elevation", _reflectance
+        "%", "reflectance of level water at the camera's elevation", _reflectance, shown=True
     ),
     "apparent_depth": Quantity(
-        "%", "apparent depth of the floor, over the true depth", _apparent_depth
+        "%", "apparent depth of the floor, over the true depth", _apparent_depth, shown=True
     ),
     "red_left": Quantity("%", "share of red light that reaches the floor", _red_left),
     "caustics": Quantity(
-        "%", "standard deviation of the light on the floor, over its mean", _caustics
+        "%", "standard deviation of the light on the floor, over its mean", _caustics, shown=True
     ),
 }
 
 
 class Numbers:
     """Quantities and probes of a simulation as attributes; slow quantities and probes are measured
-    once per SURVEY_INTERVAL."""
+    once per SURVEY_INTERVAL. Those of a simulation in another process are of its last frame there,
+    NaN until it has answered."""
 
-    def __init__(self, show: Show):
-        show.simulation.record_forces()  # as `lift` needs in gaps between bodies and walls
+    def __init__(self, show: Any):
+        if not show.parallel:
+            show.simulation.record_forces()  # as `lift` needs in gaps between bodies and walls
         self._show = show
         self._read: dict[str, tuple[float, Any]] = {}  # time of measurement [s], and value
         self._probes = {p.name: p for p in build_probes(show.scene) if len(p.heads) == 1}
 
     def __getattr__(self, name: str) -> float:
-        if name in self._probes:
-            probe = self._probes[name]
-            return self._cached(name, lambda _: probe.read(self._water())[0])
-        quantity = QUANTITIES.get(name)
-        if quantity is None:
+        quantity, probe = QUANTITIES.get(name), self._probes.get(name)
+        if quantity is None and probe is None:
             raise AttributeError(name)
-        if not self._show.ledger.entries:
+        if self._show.parallel:
+            if not (quantity and quantity.shown):
+                return self._show.number(name)
+        elif not self._show.ledger.entries:
             self._show.ledger.record(self._show.gravity())
+        if probe:
+            return self._cached(name, lambda _: probe.read(self._water())[0])
+        assert quantity
         return self._cached(name, quantity.read) if quantity.slow else quantity.read(self._show)
 
     def _water(self) -> Snapshot:
@@ -216,7 +226,7 @@ class Numbers:
         return self._cached("", lambda show: show.snapshot([*self._probes.values()]))
 
     def _cached(self, name: str, read: Callable[[Show], Any]) -> Any:
-        time = self._show.simulation.time
+        time = self._show.now.time
         known = self._read.get(name)
         if known is None or not 0.0 <= time - known[0] < SURVEY_INTERVAL:
             known = self._read[name] = time, read(self._show)

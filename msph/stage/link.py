@@ -7,6 +7,7 @@ ignored. The next Command is sent once the last one is answered, before its imag
 both processes work at the same time; the arrays of an Answer stay valid until the next Answer.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -40,7 +41,9 @@ class Files:
 class Order:
     """Scenes to run side by side. whole: compile all kernels at the start; options: of each Show;
     frame_time: simulated time of a frame [s], None for that of play.fps; frames: number of frames
-    to run, None for no limit; serial: number of this order, from 1."""
+    to run, None for no limit; numbers: builds the object from a Show whose attributes are the
+    numbers of Wanted; restart: message where an unstable simulation begins again, "" if it ends the
+    run; serial: number of this order, from 1."""
 
     scenes: list[Scene]
     labels: list[str]
@@ -49,12 +52,14 @@ class Order:
     options: dict[str, Any] = field(default_factory=lambda: INTERACTIVE)
     frame_time: float | None = None
     frames: int | None = None
+    numbers: Callable[[Any], Any] | None = None
+    restart: str = ""
     serial: int = 0
 
     @property
     def shows(self) -> dict[str, Any]:
         """Returns the arguments of built_row() for this order, except for images and report."""
-        names = "scenes", "labels", "whole", "frame_time", "options"
+        names = "scenes", "labels", "whole", "frame_time", "restart", "options"
         return {name: getattr(self, name) for name in names}
 
 
@@ -90,12 +95,14 @@ class Ready:
 @dataclass(frozen=True)
 class Answer:
     """State of each simulation after a frame, in the set `index` of their arrays; notes: messages
-    to the user; changes: live parameters that differ from their initial values."""
+    to the user; changes: live parameters that differ from their initial values; numbers: as wanted.
+    """
 
     index: int
     packets: list[Packet]
     notes: list[str]
     changes: list[dict[str, float]]
+    numbers: list[dict[str, float]]
 
 
 @dataclass(frozen=True)

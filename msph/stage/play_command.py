@@ -3,6 +3,7 @@
 import contextlib
 import shlex
 from dataclasses import replace
+from typing import Any
 
 import click
 
@@ -12,9 +13,9 @@ from msph.options import PlayOptions, RunOptions
 from msph.own_files import claim
 from msph.stage.choice import SceneArguments
 from msph.stage.lost_display import completing
-from msph.stage.process import simulations
+from msph.stage.process import Started, simulations
 from msph.stage.recorded_input import with_recording
-from msph.stage.window import ClosedError, NoWindowError, check_display
+from msph.stage.window import ClosedError, NoWindowError, Window, check_display
 
 # Largest number of simulations side by side; more images would be too narrow.
 MAX_SIMULATIONS = 3
@@ -43,13 +44,7 @@ def play(scene: str | None, options: PlayOptions, run: RunOptions) -> None:
         try:
             check_display()
             process = process or ends.enter_context(simulations(run.arch, run.threads))
-            assert process
-            ends.enter_context(completing(process[0].kill))
-            start(run.arch, run.threads)
-            with importing():
-                from msph.stage.ggui_window import GguiWindow
-                from msph.stage.keys import KEYS
-            window = GguiWindow(first.title or scene, options.size)
+            window = opened(ends, process, run, first.title or scene, options.size)
         except NoWindowError as reason:
             with importing():
                 from msph.stage.commands import capture_instead
@@ -57,14 +52,31 @@ def play(scene: str | None, options: PlayOptions, run: RunOptions) -> None:
             return
         except ClosedError:
             return
-        ends.callback(window.close)
-        for key in KEYS:
-            click.echo(f"  {key.label:18} {key.effect}")
         # Imported after the window has opened.
         with importing():
+            from msph.stage.keys import KEYS
             from msph.stage.remote import Remote
             from msph.stage.session import Files, Session
+        for key in KEYS:
+            click.echo(f"  {key.label:18} {key.effect}")
         files = Files(record=options.record_input, replay=recording)
+        assert process
         session = Session(window, Remote(*process), arguments, options.frames, files)
         with contextlib.suppress(ClosedError):
             session.play(scene, run.quality)
+
+
+def opened(
+    ends: contextlib.ExitStack, process: Started | None, run: RunOptions, *window: Any
+) -> Window:
+    """Opens a window until `ends` closes, while the process of its simulations, if any, starts;
+    window: see GguiWindow. Raises NoWindowError, and ClosedError if the user closes the window at
+    once."""
+    if process:
+        ends.enter_context(completing(process[0].kill))
+    start(run.arch, run.threads)
+    with importing():
+        from msph.stage.ggui_window import GguiWindow
+    found = GguiWindow(*window)
+    ends.callback(found.close)
+    return found

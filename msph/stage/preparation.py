@@ -15,7 +15,7 @@ from msph.measure.timings import Timings
 from msph.scene.check import cautions
 from msph.scene.effort import effort
 from msph.scene.schema import Scene
-from msph.stage.row import KEPT_FRAMES, Row, strip_height, width_of_each
+from msph.stage.row import KEPT_FRAMES, Row
 from msph.stage.show import INTERACTIVE, Show
 
 # The default lock is a semaphore of the system, which a killed process would leave behind.
@@ -94,30 +94,20 @@ def built_row(
     below: int = 0,
     whole: bool = False,
     frame_time: float | None = None,
+    restart: str = "",
     options: dict[str, Any] = INTERACTIVE,
 ) -> Row:
     """Builds simulations with their labels below them, in an image of size (width, height) [pixels]
     with `below` free pixels at the lower edge. whole: see built(); frame_time: simulated time of a
-    frame [s], by default that of play.fps; options: of Show."""
-    single = len(scenes) == 1 and not below
-    each, strip = size, strip_height(size[1]) if size and any(labels) else 0
-    if size and not single:
-        each = width_of_each(len(scenes), size[0]), size[1] - below - strip
-    keep, since = 1 if single else KEPT_FRAMES, time.perf_counter()
-    shows = [
-        built(
-            scene,
-            frame_time or 1.0 / scene.play.fps,
-            each,
-            named(report, place(label, k, len(scenes))),
-            whole,
-            since,
-            timings=Timings(keep=keep),
-            **options,
-        )
-        for k, (scene, label) in enumerate(zip(scenes, labels, strict=True))
-    ]
-    return Row(shows) if single else Row(shows, labels, size, below, strip)
+    frame [s], by default that of play.fps; restart: see Row; options: of Show."""
+    since = time.perf_counter()
+
+    def build(k: int, each: tuple[int, int] | None) -> Show:
+        told = named(report, place(labels[k], k, len(scenes)))
+        length, timings = frame_time or 1.0 / scenes[k].play.fps, Timings(keep=KEPT_FRAMES)
+        return built(scenes[k], length, each, told, whole, since, timings=timings, **options)
+
+    return Row.arranged(build, labels, size, below, restart)
 
 
 def place(label: str, k: int, number: int) -> str:

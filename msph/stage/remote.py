@@ -5,6 +5,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -18,18 +19,19 @@ from msph.measure.bulk import bulk_density
 from msph.measure.timings import Timings
 from msph.scene.build import roomy_plan_of
 from msph.scene.live import read
-from msph.scene.schema import Scene
-from msph.stage.controls import Controls
+from msph.stage.controls import Controls, Inputs
 from msph.stage.display import Display
 from msph.stage.link import END, Answer, Command, Doing, Failed, Order, Ready
 from msph.stage.preparation import Report, compiling, say_ready
-from msph.stage.row import KEPT_FRAMES, PATIENCE, Row, width_of_each
+from msph.stage.row import KEPT_FRAMES, PATIENCE, Row
 from msph.stage.shown_scene import ShownScene
-from msph.state import Moment
+from msph.state import Moment, Wanted
 from msph.transfer import SharedArrays, give_back, own_state, receive
 
 # Time [s] that the process has to end before it is killed: a frame may compile.
 LAST_WAIT = 1.0
+# Time [s] for which a number is measured after the window has read it.
+RECENT = 1.0
 
 
 class SimulationError(MsphError):
@@ -67,11 +69,14 @@ class Remote:
         self.process.kill()
         self.process.join()
 
-    def row(self, order: Order, size: tuple[int, int], report: Report | None = None) -> Row:
-        """Returns the simulations of an order, with images of size (width, height) [pixels], once
-        both processes are ready. Raises SimulationError."""
+    def row(
+        self, order: Order, size: tuple[int, int], report: Report | None = None, below: int = 0
+    ) -> Row:
+        """Returns the simulations of an order, in an image of size (width, height) [pixels] with
+        `below` free pixels at the lower edge, once both processes are ready. Raises
+        SimulationError."""
         self.end()
-        begin, number = time.perf_counter(), len(order.scenes)
+        begin = time.perf_counter()
         if report:
             report("building the scene", important=True)
         self.serial += 1
@@ -79,12 +84,9 @@ class Remote:
         self._send(replace(order, serial=self.serial))
         self.running = self.building = True
         self.doing, self.since = "building the scene", begin
-        each = (width_of_each(number, size[0]), size[1]) if number > 1 else size
         with compiling(report) as tell, watch_compiling(self._check):
-            self.shows = [
-                RemoteShow(self, k, scene, each, order, 1 if number == 1 else KEPT_FRAMES)
-                for k, scene in enumerate(order.scenes)
-            ]
+            row = Row.arranged(partial(RemoteShow, self, order), order.labels, size, below)
+            self.shows = row.shows
             for show in self.shows:
                 show.warm_up(order.whole)
             ready = self._wait_for(Ready, tell, begin)
@@ -96,7 +98,7 @@ class Remote:
                 raise self._lost() from None
         self._take(self._wait_for(Answer, tell, begin))
         say_ready(begin, ready.about)
-        return Row(self.shows, order.labels, size) if number > 1 else Row(self.shows)
+        return row
 
     def _check(self, _: str) -> None:
         """Raises SimulationError once the process has ended."""
@@ -127,10 +129,8 @@ class Remote:
 
     def _take(self, answer: Answer) -> None:
         self.busy = False
-        for show, packet, note, changes in zip(
-            self.shows, answer.packets, answer.notes, answer.changes, strict=True
-        ):
-            show.take(packet, answer.index, note, changes)
+        for show in self.shows:
+            show.take(answer)
 
     def end(self) -> None:
         """Ends the simulations of the last order."""
@@ -179,19 +179,12 @@ class RemoteShow(ShownScene):
 
     parallel = True
 
-    def __init__(
-        self,
-        remote: Remote,
-        number: int,
-        scene: Scene,
-        size: tuple[int, int],
-        order: Order,
-        keep: int,
-    ):
+    def __init__(self, remote: Remote, order: Order, place: int, size: tuple[int, int]):
+        scene = order.scenes[place]
         super().__init__(scene)
-        self.remote, self.number, self.size = remote, number, size
+        self.remote, self.place, self.size = remote, place, size
         self.frame_time = order.frame_time or 1.0 / scene.play.fps
-        self.timings = Timings(keep=keep)
+        self.timings = Timings(keep=KEPT_FRAMES)
         spare, room = (order.options.get(name, 0) for name in ("spare", "room"))
         self.interactive = order.options.get("interactive", False)
         self.state = own_state(roomy_plan_of(scene, spare, room))
@@ -203,6 +196,9 @@ class RemoteShow(ShownScene):
         self.simulated, self.fresh, self.new = 0.0, False, False
         self.reported: dict[str, float] = {}
         self.asked: dict[str, Any] = {}  # keep and reopen of the next Command
+        self.given = Inputs()  # changes and reset of the next Command
+        self.numbers: dict[str, float] = {}
+        self.read: dict[str, float] = {}  # time [s] at which a number was read last
         # Called by the frame loop after steps, which are not seen here.
         self.on_progress: Callable[[float], None] | None = None
 
@@ -232,33 +228,59 @@ class RemoteShow(ShownScene):
             self.later.pop(0)()
         self.display.reset()
 
-    def take(self, packet: Any, index: int, note: str, changes: dict[str, float]) -> None:
+    def take(self, answer: Answer) -> None:
         """Takes an answer of the simulation."""
-        resets = self.now.resets
-        receive(self.state, packet, self.arrays.sets[index])
-        self.simulated, self.note = self.now.simulated, note or self.note
+        resets, k = self.now.resets, self.place
+        # Numbers from before a reset are unknown after it.
+        self.numbers = {} if self.given.reset else answer.numbers[k]
+        receive(self.state, answer.packets[k], self.arrays.sets[answer.index])
+        self.simulated, self.note = self.now.simulated, answer.notes[k] or self.note
         # A recording does not contain the initial state.
         self.fresh = self.interactive or self.simulated > 0.0
         self.timings.add("fluid", self.now.fluid)
         if self.now.resets != resets:
             self.display.reset()
-        if changes != self.reported:
+        if answer.changes[k] != self.reported:
             # A replay or a checkpoint has changed them; own changes are known here.
-            self.reported = changes
+            self.reported = answer.changes[k]
             for key in self.live:
-                value = changes.get(key, read(self.initial, key))
+                value = self.reported.get(key, read(self.initial, key))
                 if value != read(self.scene, key):
-                    self.set(key, value)
+                    super().set(key, value)
+
+    def set(self, key: str, value: float | None) -> None:
+        """Sets a live parameter here at once, and in the simulation with the next input."""
+        super().set(key, value)
+        self.given.set[key] = value
+
+    def reset(self) -> None:
+        """Resets the simulation with the next input."""
+        self.given.reset, self.numbers = True, {}
+
+    def number(self, name: str) -> float:
+        """Returns a number of the simulation in its last answer (Order.numbers), NaN if it is
+        unknown."""
+        self.read[name] = time.perf_counter()
+        return self.numbers.get(name, math.nan)
+
+    def wanted(self) -> Wanted:
+        """Returns what the window needs of the simulation."""
+        since = time.perf_counter() - RECENT
+        recent = tuple(name for name, when in self.read.items() if when > since)
+        return replace(self.display.views.wanted, numbers=recent)
 
     def frame(self, controls: Controls) -> None:
         """Sends the input, and meanwhile draws the last state."""
         display = self.display
         if controls.next_view:
             display.views.next()
-        if self.number == 0 and not self.busy and self.remote.left:
-            wanted = [show.display.views.wanted for show in self.remote.shows]
+        if self.place == 0 and not self.busy and self.remote.left:
+            wanted, given = [show.wanted() for show in self.remote.shows], self.given
+            changed = {**given.set, **controls.set}
+            controls = replace(controls, set=changed, reset=controls.reset or given.reset)
             self.remote.give(Command(controls, wanted, **self.asked))
-            self.asked = {}
+            for show in self.remote.shows:
+                show.asked, show.given = {}, Inputs()
         self.new, self.fresh = self.fresh, False
         self.compile_later()
         if self.new or self.interactive:
@@ -296,7 +318,7 @@ class RemoteShow(ShownScene):
 
     def close(self) -> None:
         """Drops all parts, so that other scenes can use their memory."""
-        if self.number == 0:
+        if self.place == 0:
             self.remote.end()
         give_back(self.state)
         if self.arrays:

@@ -2,6 +2,7 @@
 
 import gc
 import time
+from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from msph.errors import BlowUpError
 from msph.launches import data_oriented, kernel
 from msph.picture.camera import Camera
 from msph.picture.overlay import Overlay
@@ -47,7 +49,8 @@ class Row:
     shows: with images of width_of_each() pixels, or without images. labels: names, displayed with
     speed and error; "" for no label. size (width, height) [pixels] of the common image, with
     `below` free pixels at the lower edge and above them `strip` pixels for the labels, 0 for labels
-    over the images; None for a single show's image, or no image.
+    over the images; None for a single show's image, or no image. restart: message where an unstable
+    simulation begins again, and with it all others; "" where it raises BlowUpError.
     """
 
     def __init__(
@@ -57,8 +60,10 @@ class Row:
         size: tuple[int, int] | None = None,
         below: int = 0,
         strip: int = 0,
+        restart: str = "",
     ):
         self.shows, self.labels, self.below = shows, labels or [""] * len(shows), below
+        self.restart = restart
         self.low = below + strip  # lower edge of the images [pixels]
         self.updates = 0
         # Initial camera distance of each show [m], at which the whole box is visible.
@@ -68,6 +73,25 @@ class Row:
             self._compose(size)
         elif self.lead.size:
             self.size = self.lead.size
+
+    @classmethod
+    def arranged(
+        cls,
+        build: Callable[[int, tuple[int, int] | None], Any],
+        labels: list[str],
+        size: tuple[int, int] | None,
+        below: int = 0,
+        restart: str = "",
+    ) -> "Row":
+        """Builds a show for each label, by its number and the size of its image, with the labels
+        below the images. A single show without free pixels below needs no common image."""
+        each, strip = size, 0
+        single = size is None or (len(labels) == 1 and not below)
+        if size and not single:
+            strip = strip_height(size[1]) if any(labels) else 0
+            each = width_of_each(len(labels), size[0]), size[1] - below - strip
+        shows = [build(k, each) for k in range(len(labels))]
+        return cls(shows, labels, None if single else size, below, strip, restart)
 
     def _compose(self, size: tuple[int, int]) -> None:
         """Allocates the common image and its labels."""
@@ -128,6 +152,15 @@ class Row:
     def frame(self, controls: Controls) -> None:
         """Runs a frame of each show; all simulate the time that the lead has simulated, with the
         same input. Only here does input act on simulations, live or replayed."""
+        try:
+            self._frame(controls)
+        except BlowUpError:
+            if not self.restart:
+                raise
+            self.reset()
+            self.lead.note = self.restart
+
+    def _frame(self, controls: Controls) -> None:
         lead = self.lead
         lead.frame(controls)
         # If the lead's frame was undone for a stopped body, all shows wait.

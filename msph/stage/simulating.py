@@ -50,7 +50,7 @@ def _run(order: Order, connection: Connection) -> None:
     autosave = Autosave(files.autosave) if files.autosave else None
     try:
         row = built_row(**order.shows, size=None, report=report)
-        follower = Follower(row, connection.recv, tell, order.frames)
+        follower = Follower(row, connection.recv, tell, order)
         with watch_compiling(lambda name: report(f"compiling {name}")):
             audience = with_files(follower, row, order, autosave)
             follower.begin()
@@ -105,18 +105,15 @@ def _resume(show: Show, files: Files) -> None:
 
 
 class Follower(Audience):
-    """Gives a row the input of the window, and the window the states of the row; frames: number of
-    frames, if it is known. Raises TooLongError."""
+    """Gives a row the input of the window, and the window the states of the row. Raises
+    TooLongError."""
 
     def __init__(
-        self,
-        row: Row,
-        wait: Callable[[], Any],
-        tell: Callable[[Any], None],
-        frames: int | None = None,
+        self, row: Row, wait: Callable[[], Any], tell: Callable[[Any], None], order: Order
     ):
-        self.row, self.wait, self.tell = row, wait, tell
+        self.row, self.wait, self.tell, frames = row, wait, tell, order.frames
         self.progress = Progress(frames, False, explained=True) if frames else None
+        self.numbers = [order.numbers(show) if order.numbers else None for show in row.shows]
         self.capacities = [show.simulation.plan.max_particles for show in row.shows]
         self.arrays = [SharedArrays(capacity) for capacity in self.capacities]
         self.senders = [Sender(show.state) for show in row.shows]
@@ -152,18 +149,19 @@ class Follower(Audience):
     def observe(self, row: Row) -> None:
         if self.progress and self.given.wanted:
             self.progress.update()
-        packets, notes = [], []
+        packets, notes, numbers = [], [], []
         wanted = self.given.wanted or [show.state.wanted for show in row.shows]
         self.index = (self.index + 1) % SETS
-        for show, sender, arrays, want in zip(
-            row.shows, self.senders, self.arrays, wanted, strict=True
+        for show, sender, arrays, want, known in zip(
+            row.shows, self.senders, self.arrays, wanted, self.numbers, strict=True
         ):
             show.state.take(show.simulation, show.now, want)
             packets.append(sender.pack(arrays.sets[self.index]))
             notes.append(show.note)
+            numbers.append({name: getattr(known, name) for name in want.numbers})
             show.note = ""
         changes = [show.changes() for show in row.shows]
-        self.tell(Answer(self.index, packets, notes, changes))
+        self.tell(Answer(self.index, packets, notes, changes, numbers))
 
     def free(self) -> None:
         """Frees the shared memory."""

@@ -12,6 +12,8 @@ from msph.lesson.load import load_lesson
 from msph.lesson.paint import PAD, TaskBar, band_height, folded
 from msph.lesson.student import Student
 from msph.picture.pixels import Image
+from msph.stage.controls import Controls
+from msph.stage.row import Row
 from msph.stage.sheet import Sheet, text_height
 from tests.lesson.lesson_kit import LESSONS
 
@@ -189,30 +191,21 @@ class TestGuide:
         assert folded("    " + "word " * 30, 40)[1].startswith(" " * 12)
 
 
-def test_an_unstable_simulation_is_restarted(monkeypatch):
-    from msph.lesson import commands
+def test_an_unstable_simulation_is_restarted():
+    """All simulations begin again where one becomes unstable, and one message says so."""
+    from msph.lesson.commands import RESTARTED
 
-    calls = []
+    class Unstable:
+        size, simulated, note, resets = None, 0.0, "", 0
 
-    class Fake:
-        size = SIZE
-
-        def __init__(self, *_):
-            self.layout = self
-
-        def show_message(self, text):
-            calls.append(text)
-
-    def run(row, player, frames):
-        if len(calls) < 2:
+        def frame(self, controls):
             raise BlowUpError("boiled")
 
-    class Stub:
-        row = type("Row", (), {"reset": lambda self: calls.append("again")})()
-        progress = type("LessonProgress", (), {"row": row})()
+        def reset(self):
+            self.resets += 1
 
-    monkeypatch.setattr(commands, "Player", Fake)
-    monkeypatch.setattr(commands, "run_loop", run)
-    monkeypatch.setattr(commands, "Layout", Fake)
-    commands.play(Stub(), Fake(), "boiling", None)
-    assert calls == ["again", "unstable simulation restarted; r also resets the sliders"]
+    shows = [Unstable(), Unstable()]
+    Row(shows, restart=RESTARTED).frame(Controls())
+    assert [show.resets for show in shows] == [1, 1] and shows[0].note == RESTARTED
+    with pytest.raises(BlowUpError):
+        Row(shows).frame(Controls())

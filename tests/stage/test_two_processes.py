@@ -14,6 +14,7 @@ import numpy as np
 import psutil
 import pytest
 
+from msph.lesson.quantities import Numbers
 from msph.measure.timings import Timings
 from msph.options import CaptureOptions, RunOptions
 from msph.own_files import release
@@ -37,7 +38,7 @@ on_linux = pytest.mark.skipif(sys.platform != "linux", reason="stops and kills p
 
 
 def order_of(scene, files=None):
-    return Order([load_scene(scene)], ["a"], files or Files())
+    return Order([load_scene(scene)], ["a"], files or Files(), numbers=Numbers)
 
 
 @contextlib.contextmanager
@@ -128,7 +129,37 @@ def test_two_processes_compute_what_one_computes(remote):
         assert np.array_equal(ours[order], theirs[other]), name
     assert row.lead.now.energy == here.now.energy
     assert row.lead.changes() == here.changes() == {"gravity": 5.0}
+    ours, theirs = Numbers(here), Numbers(row.lead)
+    names = "speed", "centre_y", "solver_residual", "volume_error"
+    assert np.isnan(theirs.speed), "the simulation was not asked"
+    for name in names:
+        getattr(theirs, name)
+    row.frame(Controls(still=True))
+    answered(row)
+    assert [getattr(theirs, n) for n in names] == pytest.approx([getattr(ours, n) for n in names])
     here.close()
+
+
+@on_linux
+def test_numbers_from_before_a_reset_are_unknown_after_it(remote):
+    """Otherwise a task of a lesson that was restarted would be complete at once."""
+    remote, row = remote
+    numbers = Numbers(row.lead)
+    for _ in range(2):
+        assert numbers.time != 0.0
+        row.frame(Controls())
+        answered(row)
+    assert numbers.time > 0.0
+    process = psutil.Process(remote.process.pid)
+    process.suspend()
+    row.frame(Controls())
+    row.reset()
+    process.resume()
+    answered(row)
+    assert np.isnan(numbers.time), "this is the answer to the input before the reset"
+    row.frame(Controls(still=True))
+    answered(row)
+    assert numbers.time == 0.0
 
 
 @pytest.mark.slow
