@@ -16,7 +16,9 @@ from msph.interrupts import SIGNALS, importing
 
 # Signals that a terminal sends to both processes; the window's process handles them.
 OF_TERMINAL = {number for number in SIGNALS if number != signal.SIGTERM}
-
+# Option of the tracker of shared memory: what is left by processes that a signal has ended before
+# both held it is removed without a warning.
+QUIET = "ignore::UserWarning:multiprocessing.resource_tracker"
 
 # The process of the simulations and the connection to it.
 Started = tuple[Any, Connection]
@@ -68,7 +70,11 @@ def _blocked(signals: set[int]) -> Iterator[None]:
         yield
         return
     # Its start would let the signals through again.
-    resource_tracker.ensure_running()
+    sys.warnoptions.append(QUIET)
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        sys.warnoptions.remove(QUIET)
     before = signal.pthread_sigmask(signal.SIG_BLOCK, signals)
     try:
         yield

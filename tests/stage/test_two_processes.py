@@ -275,6 +275,24 @@ def test_a_killed_simulation_ends_the_session_and_keeps_its_recording(remote, tm
     check_no_new_names(before)
 
 
+ENDED = """
+import os, signal
+from multiprocessing.shared_memory import SharedMemory
+from msph.stage.process import simulations
+with simulations("cpu", 1):
+    print(SharedMemory(create=True, size=16).name, flush=True)
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@on_linux
+def test_shared_memory_of_ended_processes_is_removed_without_a_word():
+    """Regression: `timeout` during a start left a warning of Python's resource tracker."""
+    run = subprocess.run([sys.executable, "-c", ENDED], capture_output=True, text=True)
+    assert not (MEMORY / run.stdout.strip()).exists()
+    assert run.stderr in ("", "msph: the main process has ended\n")
+
+
 WINDOW = """
 import sys
 from tests.stage.test_two_processes import built, Controls, answered
