@@ -210,6 +210,7 @@ class Water(AbstractContextManager):
 
     def load(self, file: str | os.PathLike) -> None:
         """Continues from a checkpoint of this scene."""
+        check_values("capture", resume=os.fspath(file))
         self._awake.resume(Path(file))
         self._begin()
 

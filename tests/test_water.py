@@ -161,7 +161,8 @@ def test_other_errors_are_one_line(water, tmp_path):
         "'--size': '0x9': expected WIDTHxHEIGHT": lambda: water.image(0, 9),
         "a.xyz: unknown kind of file": lambda: water.record(tmp_path / "a.xyz", 0.1),
         "is not in the range 0<x": lambda: next(water.frames(-1.0)),
-        "is not a checkpoint of this scene": lambda: water.load(tmp_path / "none.npz"),
+        "'--resume': File": lambda: water.load(tmp_path / "none.npz"),
+        "is not a checkpoint of this scene": lambda: water.load(__file__),
     }
     for text, call in calls.items():
         with pytest.raises(msph.MsphError) as error:

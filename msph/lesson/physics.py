@@ -12,6 +12,11 @@ from msph.stage.show import Show
 WINDOW = 0.5
 # Points across a body for its submerged share: good to 2 % for level boxes, better for others.
 ACROSS = 50
+# Time [s] over which amplitudes are means: two periods of the waves of the lessons.
+WAVES = 2.0
+# Number of periods over which the growth of a swing is a mean: fewer are noisy, and over more
+# breaking and friction slow the growth.
+GROWING = 3
 
 
 def _recent(show: Show, name: str, window: float = WINDOW) -> tuple[np.ndarray, np.ndarray]:
@@ -58,13 +63,26 @@ def submerged(show: Show) -> float:
     return 100.0 * float(below[under - 1] if under else 0.0) / float(below[-1])
 
 
+def _crossings(values: np.ndarray) -> np.ndarray:
+    """Returns the fractional indices at which values (n,) rise through zero."""
+    before, after = values[:-1], values[1:]
+    k = np.flatnonzero((before < 0.0) & (after >= 0.0))
+    return k + before[k] / (before[k] - after[k])
+
+
 def _period(times: np.ndarray, values: np.ndarray) -> float:
     """Returns the mean period [s] of an oscillation about zero, NaN before its second crossing in
     the same direction."""
-    before, after = values[:-1], values[1:]
-    k = np.flatnonzero((before < 0.0) & (after >= 0.0))
-    crossed = times[k] - before[k] / (after[k] - before[k]) * (times[k + 1] - times[k])
+    crossed = np.interp(_crossings(values), np.arange(len(times)), times)
     return float((crossed[-1] - crossed[0]) / (len(crossed) - 1)) if len(crossed) > 1 else math.nan
+
+
+def amplitude(times: np.ndarray, values: np.ndarray) -> float:
+    """Returns the amplitude of an oscillation over the last WAVES [s], the root of two times its
+    standard deviation; NaN for a shorter record."""
+    if len(times) < 2 or times[-1] - times[0] < WAVES * (1.0 - 1e-6):
+        return math.nan
+    return math.sqrt(2.0) * float(values[times > times[-1] - WAVES * (1.0 - 1e-6)].std())
 
 
 def _since_change(show: Show) -> list[Any]:
@@ -80,6 +98,25 @@ def sloshing_period(show: Show) -> float:
     kept = _since_change(show)
     momentum = np.array([e.momentum[0] for e in kept])
     return _period(np.array([e.time for e in kept]), momentum) if len(kept) > 2 else math.nan
+
+
+def swing_growth(show: Show) -> float:
+    """Returns by how much [m] the swing of the centre of mass along x grows in a period, mean of
+    the last GROWING periods at this gravity."""
+    kept = _since_change(show)
+    centre = np.array([e.centre[0] for e in kept])
+    # The centre of mass turns where the momentum vanishes.
+    turns = _crossings(np.array([e.momentum[0] for e in kept]))[-1 - GROWING :]
+    lowest = np.interp(turns, np.arange(len(kept)), centre)
+    return float(lowest[0] - lowest[-1]) / GROWING if len(turns) > GROWING else math.nan
+
+
+def heave_amplitude(show: Show) -> float:
+    """Returns the amplitude [m] at which floating bodies rise and fall at this gravity."""
+    kept = _since_change(show)
+    weight = float(show.simulation.boundary.floating.mass.sum() * np.linalg.norm(kept[-1].gravity))
+    heights = np.array([e.floating_potential for e in kept]) / weight
+    return amplitude(np.array([e.time for e in kept]), heights)
 
 
 def heave_period(show: Show) -> float:

@@ -14,6 +14,8 @@ from msph.stage.show import Show
 
 # Simulated time [s] between measurements of quantities that take milliseconds.
 SURVEY_INTERVAL = 0.1
+# Suffix of the names of the amplitudes of probes.
+AMPLITUDE = "_amplitude"
 
 
 @dataclass(frozen=True)
@@ -176,6 +178,14 @@ QUANTITIES: dict[str, Quantity] = {
     "sloshing_period": Quantity(
         "s", "period of the water's momentum along x at this gravity", physics.sloshing_period
     ),
+    "swing_growth": Quantity(
+        "m",
+        "growth per period of the swing of the centre of mass along x, mean of three periods",
+        physics.swing_growth,
+    ),
+    "heave_amplitude": Quantity(
+        "m", "amplitude of the floating bodies' rise and fall, over 2 s", physics.heave_amplitude
+    ),
     "heave_period": Quantity(
         "s", "period of the floating bodies' rise and fall at this gravity", physics.heave_period
     ),
@@ -196,9 +206,9 @@ QUANTITIES: dict[str, Quantity] = {
 
 
 class Numbers:
-    """Quantities and probes of a simulation as attributes; slow quantities and probes are measured
-    once per SURVEY_INTERVAL. Those of a simulation in another process are of its last frame there,
-    NaN until it has answered."""
+    """Quantities, probes and amplitudes of probes (gauge_amplitude) of a simulation as attributes;
+    slow quantities and probes are measured once per SURVEY_INTERVAL. Those of a simulation in
+    another process are of its last frame there, NaN until it has answered."""
 
     def __init__(self, show: Any):
         if not show.parallel:
@@ -206,10 +216,13 @@ class Numbers:
         self._show = show
         self._read: dict[str, tuple[float, Any]] = {}  # time of measurement [s], and value
         self._probes = {p.name: p for p in build_probes(show.scene) if len(p.heads) == 1}
+        self._past: dict[str, list[tuple[float, float]]] = {name: [] for name in self._probes}
 
     def __getattr__(self, name: str) -> float:
         quantity, probe = QUANTITIES.get(name), self._probes.get(name)
-        if quantity is None and probe is None:
+        base = name.removesuffix(AMPLITUDE)
+        has_amplitude = base != name and base in self._probes
+        if quantity is None and probe is None and not has_amplitude:
             raise AttributeError(name)
         if self._show.parallel:
             if not (quantity and quantity.shown):
@@ -218,8 +231,18 @@ class Numbers:
             self._show.ledger.record(self._show.gravity())
         if probe:
             return self._cached(name, lambda _: probe.read(self._water())[0])
+        if has_amplitude:
+            return self._amplitude(base)
         assert quantity
         return self._cached(name, quantity.read) if quantity.slow else quantity.read(self._show)
+
+    def _amplitude(self, name: str) -> float:
+        """Returns the amplitude of a probe's readings since it was first asked for."""
+        past, value = self._past[name], getattr(self, name)
+        time = self._read[name][0]
+        if not past or past[-1][0] != time:
+            past.append((time, value))
+        return physics.amplitude(*np.array(past).T)
 
     def _water(self) -> Snapshot:
         """Returns the water that the probes read."""
@@ -234,5 +257,7 @@ class Numbers:
 
 
 def known_numbers(scene: Any) -> set[str]:
-    """Returns the names of a scene's quantities and of its probes with one reading."""
-    return set(QUANTITIES) | {p.name for p in build_probes(scene) if len(p.heads) == 1}
+    """Returns the names of a scene's quantities and of its probes with one reading, and of their
+    amplitudes."""
+    probes = {p.name for p in build_probes(scene) if len(p.heads) == 1}
+    return set(QUANTITIES) | probes | {name + AMPLITUDE for name in probes}

@@ -35,8 +35,8 @@ class TooLongError(BadInputError):
 
 class Progress:
     """Progress of `total` frames, of which `initial` are already done, on stderr if `shown`: a bar
-    on a terminal, otherwise a line per tenth. Slow frames are explained in one line if `shown` or
-    `explained`.
+    on a terminal, otherwise a line per tenth, both with the time left at the pace of the frames
+    after the first. Slow frames are explained in one line if `shown` or `explained`.
 
     clock: running_time, or a test double.
     """
@@ -64,6 +64,9 @@ class Progress:
         # Start of the run, and of the bar's last change within the frame [s].
         # Time [s] and number of frames at the last estimate.
         self.start()
+        # Time [s] and number of frames at the end of the first frame, which waits for kernels to
+        # compile, in another process, too.
+        self.first: tuple[float, int] | None = None
         # The expected time [s] printed last; True if the last estimate exceeded LONGEST_RUN.
         self.expected, self.too_long = 0.0, False
 
@@ -102,11 +105,25 @@ class Progress:
         self.since = self.clock()
         self.seen = self.since, float(self.done)
         self.bar.set_postfix_str("", refresh=False)
-        self.bar.update()
+        if self.first is None:
+            self.first = self.since, self.done
+            self.bar.initial = self.bar.n = self.bar.last_print_n = self.done
+            self.bar.unpause()
+            self.bar.refresh()
+        else:
+            self.bar.update()
         if self.lines and self.done * LINES // self.total > (self.done - 1) * LINES // self.total:
-            spent = in_words(self.since - self.begin)
-            line = f"{100 * self.done // self.total} %: frame {self.done} of {self.total}, {spent}"
-            tqdm.write(line, file=sys.stderr)
+            line = f"{100 * self.done // self.total} %: frame {self.done} of {self.total}, "
+            tqdm.write(line + self._times(), file=sys.stderr)
+
+    def _times(self) -> str:
+        """Returns the time spent and the time left, if it is known, in words."""
+        spent, (since, done) = in_words(self.since - self.begin), self.first or (0.0, self.done)
+        left = self.total - self.done
+        if not left or self.done == done:
+            return spent
+        pace = (self.since - since) / (self.done - done)
+        return f"{spent}, {in_words(left * pace)} left"
 
     def close(self) -> None:
         self.bar.close()

@@ -3,6 +3,7 @@ are short and true."""
 
 import math
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from codespell_lib import main as codespell
 from msph.lesson.course import LessonProgress, readable
 from msph.lesson.excerpt import ExcerptError, excerpt
 from msph.lesson.load import load_lesson
+from msph.lesson.physics import amplitude, swing_growth
 from msph.lesson.quantities import QUANTITIES, Numbers
 from msph.lesson.schema import LINES, WORDS
 from msph.lesson.student import Student
@@ -154,6 +156,20 @@ def test_a_solution_ends_at_the_values_that_its_text_names():
     assert student.work()
     for name, value in course.lesson.do[0].solution.set.items():
         assert progress.values[name] == pytest.approx(value)
+
+
+def test_amplitudes_and_growth_of_known_oscillations():
+    time = np.arange(0.0, 5.0, 0.1)
+    assert amplitude(time, 3.0 + 0.02 * np.sin(2.0 * np.pi * time)) == pytest.approx(0.02)
+    assert math.isnan(amplitude(time[:15], time[:15])), "shorter than the waves"
+    # Of a swing of period 0.8 s that grows by 4 mm per second.
+    phase, reach = 2.0 * np.pi * time / 0.8, 0.004 * time
+    entries = [
+        SimpleNamespace(time=t, gravity=np.zeros(3), centre=(-r * c, 0, 0), momentum=(r * s, 0, 0))
+        for t, r, c, s in zip(time, reach, np.cos(phase), np.sin(phase), strict=True)
+    ]
+    show = SimpleNamespace(ledger=SimpleNamespace(entries=entries))
+    assert swing_growth(show) == pytest.approx(0.8 * 0.004, rel=0.05)
 
 
 def test_lift_holds_in_a_gap_too_narrow_for_particles():

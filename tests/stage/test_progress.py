@@ -76,7 +76,19 @@ def test_a_log_gets_a_line_per_tenth(clock, capsys):
         progress.update()
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 10
-    assert lines[0] == "10 %: frame 30 of 300, 3 seconds"
+    assert lines[0] == "10 %: frame 30 of 300, 3 seconds, 27 seconds left"
+    assert lines[-1] == "100 %: frame 300 of 300, 30 seconds"
+
+
+def test_the_time_left_does_not_count_the_first_frame(clock, capsys):
+    """The first frame waits for kernels, which may compile in another process; regression."""
+    progress = Progress(10, shown=True, clock=clock)
+    for seconds in (60.0, 1.0, 1.0):
+        clock.now += seconds
+        progress.update()
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "10 %: frame 1 of 10, 1 minute"
+    assert lines[-1] == "30 %: frame 3 of 10, 1 minute, 7 seconds left"
 
 
 def test_a_short_run_gets_at_most_a_line_per_frame(clock, capsys):
