@@ -1,4 +1,12 @@
-"""Small scene for tests: two layers, fewer than 400 particles, quick to compile and run."""
+"""Small scene for tests: two layers, fewer than 400 particles, quick to compile and run; and the
+settings of tests with random input."""
+
+import os
+
+from hypothesis import HealthCheck, settings
+
+# Factor of the numbers of random examples. Without it the same examples are drawn in each run.
+MORE = int(os.environ.get("MSPH_EXAMPLES", "0"))
 
 TEXT = """
 title = "A small pool of two layers"
@@ -40,3 +48,13 @@ def write(folder, text=TEXT, name="small.toml"):
     path = folder / name
     path.write_text(text)
     return str(path)
+
+
+def examples(number: int) -> settings:
+    """Returns the settings of a test with a number of random examples."""
+    return settings(
+        deadline=None,
+        derandomize=not MORE,
+        max_examples=number * max(MORE, 1),
+        suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+    )

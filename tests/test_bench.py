@@ -9,6 +9,7 @@ import pytest
 
 from bench import (
     constants,
+    displaced_volume,
     floating,
     heave_theory,
     impact,
@@ -194,6 +195,15 @@ def test_potential_flow_has_the_measured_periods_of_heave(drop) -> None:
     found = floating.first_period(*heights)
     assert found == pytest.approx(floating.KRAMER[drop], rel=0.03)
     assert found[0] == pytest.approx(floating.KRAMER[drop][0], rel=0.01)
+
+
+def test_images_fill_a_plane_body_exactly_and_a_ball_nearly() -> None:
+    """Water beside a plane has its rest density, and a ball that is not small displaces its own
+    volume in continuous water; where sheets of particles begin changes that by 0.5 %."""
+    assert abs(displaced_volume.excess(0.5, 1e6)) < 1e-5
+    assert abs(displaced_volume.force_error(4.0, convex=0.0)) < 3e-4
+    near, far = (displaced_volume.force_error(4.0, first=first) for first in (0.4, 0.6))
+    assert 0.005 < near - far < 0.008
 
 
 def test_longer_averaging_times_lower_impact_pressures(monkeypatch) -> None:

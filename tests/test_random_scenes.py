@@ -5,13 +5,12 @@ from a new seed."""
 
 import json
 import math
-import os
 import signal
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, reject, settings
+from hypothesis import given, reject
 from hypothesis import strategies as st
 
 from msph.errors import BadInputError, MsphError
@@ -29,24 +28,12 @@ from msph.scene.meshes import MeshError, load_mesh
 from msph.scene.parameters import parameters
 from msph.scene.schema import Scene
 from msph.stage.recorded_input import read as read_recording
-from tests.scenes_kit import TEXT, write
+from tests.scenes_kit import TEXT, examples, write
 
-# Factor of the numbers of examples. Without it the same examples are drawn in each run.
-MORE = int(os.environ.get("MSPH_EXAMPLES", "0"))
 FRAME, FRAMES = 1 / 60, 24
 FAILING = Path("failing_scene.toml")
 # Longest time of an attempt with invalid input [s], after which it counts as hanging.
 LIMIT = 5.0
-
-
-def examples(number: int) -> settings:
-    """Returns the settings of a test with a number of examples."""
-    return settings(
-        deadline=None,
-        derandomize=not MORE,
-        max_examples=number * max(MORE, 1),
-        suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
-    )
 
 
 numbers = st.floats(allow_nan=True, allow_infinity=True)
@@ -170,9 +157,10 @@ def test_random_bytes_as_scene_mesh_or_checkpoint_give_one_line(tmp_path_factory
 
 @pytest.fixture(scope="module")
 def still(tmp_path_factory):
-    """A small simulation with a floating body and a tap, and its state."""
+    """A small adaptive simulation with a floating body and a tap, and its state."""
     scene = TEXT.replace('method = "classic"', "").replace("[classic]\nviscosity = 10.0", "") + BODY
     simulation = build_simulation(load(write(tmp_path_factory.mktemp("still"), scene)))
+    simulation.warm_up(1e-3)  # attempts are timed without compiling
     yield simulation, simulation.state()
     simulation.close()
 
@@ -186,7 +174,18 @@ density = 500
 centre = [0.0, 0.1, 0.2]
 radius = 0.05
 speed = 0.1
+[adaptation]
+enabled = true
 """
+
+
+@pytest.mark.parametrize("name", ["top_rate", "adaptation_steps", "adaptation_next_id"])
+def test_impossible_numbers_of_the_solver_are_refused(still, name):
+    """Regression: an infinite number gave a traceback, and a rate of 2^62 1/s hung."""
+    simulation, state = still
+    for number in (math.inf, math.nan, 2.0**62, -1.0):
+        with pytest.raises(ValueError, match=f"solver.{name} is .*: must be"):
+            simulation.restore({**state, f"solver.{name}": np.float64(number)})
 
 
 @examples(60)

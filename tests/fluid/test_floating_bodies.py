@@ -123,6 +123,22 @@ def test_bodies_rest_on_floor_and_each_other():
     assert np.diff([e.energy for e in ledger.entries]).max() < 1e-4 * ledger.reference_energy()
 
 
+@pytest.mark.parametrize("make", [ball, block])
+def test_a_body_squeezed_onto_the_floor_does_not_pass_it(make):
+    """Regression: a body in prescribed motion pushed a floating body through the floor."""
+    press = Block(*np.array([(0.04, 0.2, 0.04), (0.36, 0.4, 0.36)]), Motion(swing=(0, -0.16, 0)))
+    sim = puddle([make((0.2, 0.06, 0.2), 0.06, 500.0), press])
+    floating, lowest = sim.boundary.floating, []
+    for _ in range(70):
+        advance(sim, 1)
+        below = 0.06 if make is ball else 0.03 * np.abs(floating.turn[0, 1]).sum()
+        lowest.append(floating.x[0, 1] - below)
+    # The ball stays on the floor; the block, which the press turns over, is deeper for a frame.
+    assert min(lowest) > (-0.05 * D if make is ball else -0.5 * D)
+    # When the press has gone, the body rests on the floor.
+    assert lowest[-1] == pytest.approx(0.0, abs=0.02 * D)
+
+
 def test_bodies_that_collide_without_gravity_conserve_their_momentum():
     bodies = [
         block((0.15, 0.3, 0.24), 0.1, 500.0, velocity=(1.0, 0.0, 0.0)),

@@ -200,31 +200,39 @@ class Collisions:
     def _solve(self, count: ti.i32, iterations: ti.i32, motions: NUMBERS):
         """Changes the motions by impulses of the contacts, accumulated over calls."""
         ti.loop_config(serialize=True)
-        for step in range(count * iterations):
+        for step in range(2 * count * iterations):
             c = step % count
-            n, old = self.normal[c], self.impulse[c]
-            v = self._relative(c, motions)
-            along = old.dot(n)
-            normal = ti.max(along + (self.target[c] - v.dot(n)) / self._mobility(c, n), 0.0)
-            slip = v - v.dot(n) * n
-            sideways = old - along * n
-            speed = slip.norm()
-            if speed > 0.0:
-                sideways -= slip / self._mobility(c, slip / speed)
-            most = self.friction[c] * normal
-            sideways *= ti.min(1.0, most / ti.max(sideways.norm(), MIN_DIVISOR))
-            self.impulse[c] = normal * n + sideways
-            self._apply(c, self.impulse[c] - old, motions)
+            if self._is_due(c, step, count * iterations):
+                n, old = self.normal[c], self.impulse[c]
+                v = self._relative(c, motions)
+                along = old.dot(n)
+                normal = ti.max(along + (self.target[c] - v.dot(n)) / self._mobility(c, n), 0.0)
+                slip = v - v.dot(n) * n
+                sideways = old - along * n
+                speed = slip.norm()
+                if speed > 0.0:
+                    sideways -= slip / self._mobility(c, slip / speed)
+                most = self.friction[c] * normal
+                sideways *= ti.min(1.0, most / ti.max(sideways.norm(), MIN_DIVISOR))
+                self.impulse[c] = normal * n + sideways
+                self._apply(c, self.impulse[c] - old, motions)
+
+    @ti.func
+    def _is_due(self, c, step, iterated):
+        """Returns True if a step of an iteration over contacts visits contact c: all contacts in
+        the first `iterated` steps, those with walls in the others. So a body that is squeezed
+        between a wall and a body in prescribed motion does not pass the wall."""
+        return step < iterated or self.second[c] == WALL
 
     @kernel
     def _separate(self, count: ti.i32, iterations: ti.i32, slop: ti.f32, shifts: NUMBERS):
         """Finds displacements that remove a share of the penetrations deeper than `slop` [m]."""
         ti.loop_config(serialize=True)
-        for step in range(count * iterations):
+        for step in range(2 * count * iterations):
             c = step % count
             n = self.normal[c]
             way = -REMOVED * ti.min(self.gap[c] + slop, 0.0) - self._relative(c, shifts).dot(n)
-            if self.gap[c] < -slop and way > 0.0:
+            if self._is_due(c, step, count * iterations) and self.gap[c] < -slop and way > 0.0:
                 self._apply(c, way / self._mobility(c, n) * n, shifts)
 
     @ti.func
