@@ -1,7 +1,7 @@
 """Errors of the projection method against formulas, for uniform and layered water.
 
 A difference between uniform and layered water is significant only if it exceeds the range over the
-starts. In the case "collision" starts differ in the positions of the lattices.
+starts.
 """
 
 from functools import partial
@@ -11,13 +11,6 @@ import numpy as np
 from bench import rows, tanks
 from bench.tables import Bench, Table, markdown
 from bench.water import Ours
-from msph.fluid.adaptivity.bands import AdaptationParameters
-from msph.fluid.external_forces import ExternalForces
-from msph.fluid.particles.layers import LayerSpec
-from msph.fluid.plan import Plan
-from msph.fluid.projection.parameters import ProjectionParameters
-from msph.fluid.projection.solver import Projection
-from msph.fluid.simulation import Simulation
 
 # Kinds of water: number of layers, and changed adaptation parameters. "uniform, irregular" starts
 # like layered water, from cubes halved along random axes, but all particles have the finest size
@@ -38,8 +31,8 @@ SLOSH_SECONDS = 5.0
 # edges: the column falls, and both ends bulge in the duct's middle.
 EDGE, VISCOSITY, ACROSS = 0.2, 100.0, (10, 16)
 DUCT_BEGIN, DUCT_END, FROM_ENDS = 0.1, 0.35, 1.25
-# Forms of figures: counts, shares, energies [J], drifts.
-WHOLE, SHARE, JOULE, DRIFT = ",.0f", ".3%", ".3g", ".1e"
+# Forms of figures: counts, shares, energies [J].
+WHOLE, SHARE, JOULE = ",.0f", ".3%", ".3g"
 # Figures by case: format and target.
 RESIDUAL = {
     "solver residual, mean": (SHARE, ""),
@@ -76,13 +69,6 @@ DUCT = {
     "particles": (WHOLE, ""),
     "flow against theory, mean over time": (SHARE, "3 %, layers 5 %"),
     "speed within a spacing of the walls": (SHARE, ""),
-}
-COLLISION = {
-    "particles created": (WHOLE, ""),
-    "particles removed": (WHOLE, ""),
-    "mass drift": (DRIFT, "0"),
-    "momentum drift over sum m v": (DRIFT, "1e-05"),
-    "angular momentum drift over sum m r v": (DRIFT, "1e-04"),
 }
 
 
@@ -181,49 +167,6 @@ def duct(spacings: int, kind: str, seed: int) -> dict[str, float]:
     }
 
 
-def collision(start: int) -> dict[str, float]:
-    """Returns the figures of two balls that collide off centre without gravity, with splits and
-    merges."""
-    rng = np.random.default_rng(start)
-    d, middle, radius = 0.025, 1.2, 0.15
-    specs = [LayerSpec(1000.0 * d**3 * 2**k, 1000.0, Projection.SMOOTHING) for k in range(3)]
-    balls = []
-    for k, at in ((0, (-0.18, 0.04, 0.0)), (2, (0.18, -0.04, 0.0))):
-        spacing = specs[k].spacing
-        n = int(radius / spacing) + 2
-        axis = (np.arange(-n, n) + 0.5) * spacing
-        grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
-        grid += rng.uniform(-0.5, 0.5, 3) * spacing
-        balls.append(grid[np.linalg.norm(grid, axis=1) < radius] + at + middle)
-    x = np.concatenate(balls).astype(np.float32)
-    v = np.zeros_like(x)
-    v[: len(balls[0]), 0], v[len(balls[0]) :, 0] = 1.0, -1.0
-    layer = np.repeat([0, 2], [len(b) for b in balls]).astype(np.int32)
-    initial = {"x": x, "v": v, "layer": layer}
-    adaptation = AdaptationParameters(band=0.7, every=2)
-    sim = Simulation(
-        Plan((2.4, 2.4, 2.4), specs, initial, ProjectionParameters(), (), adaptation, capacity=5000)
-    )
-
-    water = Ours(sim)
-    mass, (linear, angular, scale, spin) = water.masses().sum(), water.momenta(middle)
-    before = set(sim.particles.numpy("id"))
-    # Thin bands, as in a pool near its capacity, cause merges; full bands then cause splits.
-    for thickness in (0.35, 1.0):
-        sim.solver.adaptation.thickness = thickness
-        for _ in range(12):
-            sim.advance(tanks.FRAME, ExternalForces(gravity=(0.0, 0.0, 0.0)))
-    after = set(sim.particles.numpy("id"))
-    linear_after, turned, _, _ = water.momenta(middle)
-    return {
-        "particles created": len(after - before),
-        "particles removed": len(before - after),
-        "mass drift": abs(water.masses().sum() / mass - 1.0),
-        "momentum drift over sum m v": float(np.linalg.norm(linear_after - linear)) / scale,
-        "angular momentum drift over sum m r v": float(np.linalg.norm(turned - angular)) / spin,
-    }
-
-
 def over_depths(known: list[dict]) -> list[str]:
     """Returns the table of the root mean square of the errors of the period over the depths, for
     each kind of water: median and range over the starts."""
@@ -267,9 +210,6 @@ TABLES = {
         )
         for n in SPACINGS
     },
-    "collision": table(
-        "Collision of a fine and a coarse ball", {("layered",): collision}, COLLISION
-    ),
 }
 BENCHES = {
     "accuracy": Bench(

@@ -12,7 +12,6 @@ from bench import (
     floating,
     heave_theory,
     impact,
-    parts,
     peer_splishsplash,
     peer_surfaces,
     rows,
@@ -20,15 +19,6 @@ from bench import (
     scale,
     tables,
 )
-from bench.methods import solve
-
-
-def test_conjugate_gradients_take_fewer_iterations_than_jacobi() -> None:
-    """Conjugate gradients need fewer iterations than Jacobi for the same error in water 12 spacings
-    deep, with the initial guess 0 and with the pressures of the last step."""
-    found = [solve(layers=1, warm_start=warm, start=0, depth=12) for warm in (False, True)]
-    for row in found:
-        assert row["conjugate gradients: iterations"] < row["Jacobi: iterations"]
 
 
 def test_peers_that_are_missing_are_named(monkeypatch) -> None:
@@ -170,19 +160,6 @@ def test_slopes_and_layers_of_scale() -> None:
     layers = [scale.layers_of(n) for n in scale.ALONG]
     assert layers[0] >= 2 and layers == sorted(layers) and layers[-1] <= 16
     assert scale.scene_of(scale.LAYERED, 100).adaptation.capacity < 1_000_000 / 4
-
-
-def test_disabled_parts_launch_no_kernels(monkeypatch) -> None:
-    """A part launches no kernels of its own while disabled, and at least one per frame while
-    enabled."""
-    monkeypatch.setattr(parts, "UNTIMED", 0)
-    monkeypatch.setattr(parts, "FRAMES", 2)
-    monkeypatch.setattr(parts, "SPACING", 0.05)
-    (tension,) = (part for part in parts.CASES if part.name == "tension")
-    row = parts.measured(tension, 0)
-    assert row["own kernels, off"] == row["own launches per frame, off"] == 0
-    assert row["own kernels, on"] > 0 and row["own launches per frame, on"] >= 1.0
-    assert row["error without it after 0.5 s"].endswith("% of the depth")
 
 
 @pytest.mark.parametrize("drop", floating.KRAMER)

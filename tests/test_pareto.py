@@ -10,8 +10,6 @@ from bench.cases import CASES, thesis_pool, vortex
 from bench.cases.case import ADAPTIVE, DFSPH, UNIFORM, UNSHEARED, Setting, begin, tank
 from bench.cases.dam_break import reference
 from bench.rows import STARTS
-from bench.terms import VORTEX_SPEED
-from bench.terms import vortex as taylor_green
 
 
 def test_sloshing_is_measured_against_linear_theory():
@@ -56,7 +54,7 @@ def test_a_vortex_loses_little_amplitude_to_the_surface():
 
     Regression: at 1 m/s a vortex lost up to 6.4 % to surface waves, at any resolution.
     """
-    assert VORTEX_SPEED**2 / (4.0 * tanks.GRAVITY * vortex.DEPTH) < 0.005
+    assert vortex.SPEED**2 / (4.0 * tanks.GRAVITY * vortex.DEPTH) < 0.005
     _, errors = CASES["inviscid_vortex"].measure(Setting(resolution=4))
     assert errors["amplitude"] < 0.2
 
@@ -67,11 +65,11 @@ def test_the_amplitude_of_a_vortex_is_weighted_by_mass():
     run = begin(setting, tank(setting, (1.0, 1.0), vortex.DEPTH, vortex.AIR))
     x = run.water.positions()
     fine = (run.simulation.particles.numpy("layer") == 0)[:, None]
-    run.water.set_velocities(np.where(fine, 2.0, 1.0) * taylor_green(x))
+    run.water.set_velocities(np.where(fine, 2.0, 1.0) * vortex.vortex(x))
     m = run.water.masses()
-    shape = (taylor_green(x) ** 2).sum(axis=1)
+    shape = (vortex.vortex(x) ** 2).sum(axis=1)
     share = (m * shape)[fine[:, 0]].sum() / (m * shape).sum()
-    assert vortex.amplitude(run) == pytest.approx(1.0 + share, rel=1e-5)
+    assert vortex.amplitude(run.water) == pytest.approx(1.0 + share, rel=1e-5)
 
 
 def test_settings_change_the_shipped_pool():
