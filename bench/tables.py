@@ -13,6 +13,7 @@ from bench.report import RESULTS
 
 # Modules of the benches, by name.
 MODULES = {
+    "pareto": "bench.pareto",
     "accuracy": "bench.accuracy",
     "friction": "bench.friction",
     "boundaries": "bench.boundaries",
@@ -69,12 +70,16 @@ class Table:
 
 @dataclass(frozen=True)
 class Bench:
-    """Tables that share a report. conclude(rows) returns further Markdown, computed from rows."""
+    """Tables that share a report. conclude(rows) returns further Markdown, computed from rows;
+    stale(row): True for a row that --resume measures again; write(rows) writes and returns a report
+    of another form."""
 
     title: str
     note: str
     tables: dict[str, Table]
     conclude: Callable[[list[dict]], list[str]] = lambda known: []
+    stale: Callable[[dict], bool] = lambda row: False
+    write: Callable[[list[dict]], str] | None = None
 
 
 def bench_of(name: str) -> Bench:
@@ -166,6 +171,8 @@ def stored(path: Path) -> dict[str, str]:
 def report(name: str, bench: Bench, known: list[dict]) -> str:
     """Writes and returns the report of the rows. Sections of the old report that are not measured
     again, with all cases, are kept, so that no figure is lost."""
+    if bench.write:
+        return bench.write(known)
     path = RESULTS / f"{name}.md"
     text, old = [f"# {bench.title}\n", f"`python bench/run.py {name}`\n", bench.note], stored(path)
     for table, its in bench.tables.items():
