@@ -60,24 +60,6 @@ def start_vortex(sim):
     return amplitude(water)
 
 
-def test_viscous_vortex_decays_at_the_rate_of_its_viscosity(stirred):
-    """The amplitude after 0.1 s, exp(-nu (kx^2 + kz^2) t) with k = pi/L, about half the initial
-    one, is right to 10 % (measured: 6 % too small).
-
-    With nu = 0.3 m^2/s the decay is fast compared with numerical friction under gravity, which
-    takes a larger share of the speed the slower the water is.
-    """
-    nu, steps = 0.3, 24
-    x = stirred.particles.numpy("x").astype(float)
-    sim = water(x, 1.0 / CELLS, TANK, viscosity=1000.0 * nu)
-    # The first frame provides initial pressures; without them the water would fall.
-    advance(sim, 1)
-    start, begin = start_vortex(sim), sim.time
-    advance(sim, steps, frame=0.25 * FRAME)
-    left = np.exp(-2.0 * np.pi**2 * nu * (sim.time - begin))
-    assert amplitude(Ours(sim)) / start == pytest.approx(left, rel=0.1)
-
-
 @pytest.mark.parametrize(("layers", "limit"), [(1, 0.04), (2, 0.06)])
 def test_viscous_water_falls_in_a_duct_at_the_speed_of_theory(layers, limit):
     """Water of 100 Pa s in a duct 8 spacings wide, whose walls have no slip, falls at the speed of

@@ -140,13 +140,13 @@ def test_the_volume_flow_of_an_inflow_is_area_times_speed():
         sim.close()
 
 
-@pytest.mark.parametrize("radius", [0.07, 0.1])
-def test_an_inflow_from_below_lifts_the_water(radius):
-    """Water above a pipe 3.5 or 5 spacings wide flows at about the speed of the inflow, which works
+def test_an_inflow_from_below_lifts_the_water():
+    """Water above a pipe 5 spacings wide flows at about the speed of the inflow, which works
     against the pressure as a piston does.
 
     Regression: gravity slowed the water in the pipe, and the water above lacked speed.
     """
+    radius = 0.1
     sim = simulate(disc(FLOOR, UP, True, 1.0, radius))
     ledger, speeds = record(sim, 0.2), []
     first = ledger.entries[-1]
@@ -276,13 +276,6 @@ def test_the_solver_residual_leaves_out_particles_in_inflows():
     entry = Ledger(sim, density_every=0.0).record(GRAVITY)
     assert sim.particles.numpy("density").max() > 1.3 * 1000.0
     assert entry.solver_residual_max < 0.1
-    sim.close()
-
-
-def test_a_resumed_run_continues_the_inflow():
-    sim = simulate(disc(FLOOR, UP, True, 0.5))
-    record(sim, 0.2)
-    assert_repeats(sim)
     sim.close()
 
 

@@ -137,22 +137,6 @@ def test_the_implicit_solve_is_finite_for_few_and_small_particles(count, spacing
     sim.close()
 
 
-def test_implicit_equals_explicit_where_both_may_be_used(blob, monkeypatch):
-    solver, _ = prepare(blob)
-    force = solver.force(Viscosity)
-    dt = 0.02 * viscosity.MAX_EXPLICIT / force.stiffness
-    start = velocities(blob)
-    force.apply(dt, WEIGHTLESS)
-    assert force.iterations == 0
-    explicit = velocities(blob) - start
-    prepare(blob)
-    monkeypatch.setattr(viscosity, "MAX_EXPLICIT", 0.0)
-    force.apply(dt, WEIGHTLESS)
-    assert force.iterations > 0
-    implicit = velocities(blob) - start
-    assert np.linalg.norm(implicit - explicit) < 0.02 * np.linalg.norm(explicit)
-
-
 def test_very_viscous_liquid_at_rest_stays_at_rest():
     """A liquid of 1e5 Pa s stays at rest.
 
@@ -168,14 +152,6 @@ def test_very_viscous_liquid_at_rest_stays_at_rest():
         sim.advance(1 / 60, ExternalForces())
         assert np.abs(velocities(sim)).max() < 0.02
     assert sim.particles.numpy("x")[:, 1].mean() == pytest.approx(height, rel=5e-3)
-
-
-def test_viscosity_does_not_slow_rigid_rotation(blob):
-    solver, _ = prepare(blob)
-    v = np.cross([1.0, 2.0, 3.0], blob.particles.numpy("x") - MIDDLE).astype(np.float32)
-    blob.particles.v.from_numpy(v)
-    solver.force(Viscosity).apply(1.0, WEIGHTLESS)
-    assert np.abs(velocities(blob) - v).max() < 1e-4 * np.abs(v).max()
 
 
 def area(sim, x):

@@ -106,11 +106,6 @@ def test_excerpts_equal_the_source():
         excerpt("msph.fluid.classic", first="purple")
 
 
-def test_every_quantity_has_a_unit_and_a_text():
-    for quantity in QUANTITIES.values():
-        assert quantity.unit and quantity.text
-
-
 def test_simulations_have_the_same_name_everywhere():
     """Titles of simulations match their names in checks.
 

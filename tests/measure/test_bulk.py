@@ -59,13 +59,6 @@ def test_bodies_do_not_lower_the_bulk_density():
     assert seeing.least > 1 - 3e-3
 
 
-def test_disorder_does_not_change_the_bulk_density():
-    x, d = lattice(0.6, D)
-    found = bulk_density(disordered(x, D, 0.1), d, SIZE)
-    assert found.mean == pytest.approx(1.0, abs=3e-3)
-    assert found.least < 0.99 and found.most > 1.01
-
-
 @pytest.mark.parametrize("ratio", [2 ** (1 / 3), 2.0, 5.0])
 def test_bulk_density_of_layers_of_unequal_particles_is_one(ratio):
     """The bulk density is 1 across abrupt interfaces of mass ratios 1 : 2, 1 : 8 and 1 : 125."""

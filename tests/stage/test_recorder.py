@@ -95,16 +95,6 @@ def test_still_is_the_last_image_of_the_sequence(recorded):
     assert not np.array_equal(imageio.imread(files[0]), imageio.imread(files[-1]))
 
 
-@pytest.mark.parametrize("suffix", ["ply", "obj"])
-def test_meshes_are_closed_and_have_the_volume_of_the_water(recorded, show, suffix):
-    meshes = [trimesh.load(f) for f in sorted(recorded.glob(f"m_*.{suffix}"))]
-    assert len(meshes) == 4
-    rest = sum(n * s.volume for n, s in zip(show.counts, show.simulation.layers.specs, strict=True))
-    for mesh in meshes:
-        assert mesh.is_watertight
-        assert mesh.volume == pytest.approx(rest, rel=0.25)
-
-
 def test_tables_contain_every_particle(recorded, show):
     lines = (recorded / "p_0003.csv").read_text().splitlines()
     assert lines[0].startswith("x_x_m,x_y_m,x_z_m,v_x_m_per_s")

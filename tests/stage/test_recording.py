@@ -214,7 +214,7 @@ def test_bench_runs_the_recorded_frames(played, one_taichi, tmp_path):
 
 def test_play_without_a_display_records_and_replays(played, one_taichi, tmp_path, monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.setattr(commands, "FALLBACK_SIZE", SIZE)
+    monkeypatch.setattr(commands, "FALLBACK_SIZE", (64, 36))
     monkeypatch.chdir(tmp_path)
     found = here("play", "--replay", played[0], "--record-input", "again.jsonl")
     assert found.returncode == 0, found.stderr

@@ -6,9 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from msph.measure.ledger import NotFiniteError
 from msph.measure.timings import Timings
-from msph.scene import SceneError, load_scene
+from msph.scene import load_scene
 from msph.scene.build import build_simulation
 from msph.stage.controls import Controls
 from msph.stage.headless import Headless, HeadlessPlayer
@@ -112,16 +111,6 @@ def test_legend_changes_only_its_rectangle(show):
         assert not changed.any()
 
 
-def test_legend_can_be_switched_off(tmp_path):
-    scene = load_scene(write(tmp_path), ("picture.legend=false", "picture.view='layers'"))
-    show = Show(scene, 1.0 / 60.0, SIZE)
-    show.frame(Controls())
-    assert (
-        show.display.picture.legend.legend is None and not show.display.picture.legend.overlay.shown
-    )
-    show.close()
-
-
 @pytest.mark.parametrize(
     ("view", "title", "numbers"),
     [
@@ -159,54 +148,12 @@ def test_density_view_measures_the_density(show, monkeypatch):
     assert fresh == {"speed": False, "density_error": True}
 
 
-def test_water_is_picked_in_views_of_surface_and_particles(show):
-    show.frame(Controls())
-    for name in ("water", "layers"):
-        show.display.views.name = name
-        show.draw()
-        hits = [show.display.pick(SIZE[0] // 2, j) for j in range(SIZE[1])]
-        found = np.array([h for h in hits if h is not None])
-        assert 5 < len(found) < SIZE[1]
-        assert np.all(found > -0.02) and np.all(found < np.array(show.simulation.size) + 0.02)
-
-
-def test_pool_tilts_relative_to_the_camera(show):
-    """A roll to the right lowers the right side of the image at any azimuth of the camera."""
-    azimuth = show.display.camera.azimuth
-    for show.display.camera.azimuth in (0.3, 0.3 + np.pi):
-        show.frame(Controls(still=True, tilt=(-0.3, 0.0), azimuth=show.display.camera.azimuth))
-        right = show.display.camera.axes()[0]
-        assert (show.pose.tilt @ right)[1] < -0.2
-    show.display.camera.azimuth = azimuth
-
-
 def test_view_key_cycles_through_all_views(show):
     names = []
     for _ in show.display.views.names:
         show.frame(Controls(still=True, next_view=True))
         names.append(show.display.views.name)
     assert names == [*show.display.views.names[1:], show.display.views.names[0]]
-
-
-def test_a_blow_up_ends_the_show(show):
-    state = show.simulation.particles.state()
-    show.simulation.particles.fill(**{**state, "v": state["v"] * np.nan})
-    with pytest.raises(NotFiniteError):
-        show.frame(Controls())
-
-
-def test_checkpoint_is_resumed_and_other_files_are_refused(show, tmp_path):
-    run(Row([show]), Headless(2))
-    np.savez(tmp_path / "good.npz", **show.simulation.state())
-    time = show.simulation.time
-    show.reset()
-    show.resume(tmp_path / "good.npz")
-    assert show.simulation.time == pytest.approx(time)
-    (tmp_path / "bad.npz").write_text("nonsense")
-    np.savez(tmp_path / "other.npz", y=np.zeros(3))
-    for name in ("bad.npz", "other.npz"):
-        with pytest.raises(SceneError, match=f"{name}: is not a checkpoint"):
-            show.resume(tmp_path / name)
 
 
 def test_show_without_images_allocates_no_surface_and_no_image(tmp_path):
