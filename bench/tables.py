@@ -28,9 +28,7 @@ MODULES = {
     "terms": "bench.terms",
     "constants": "bench.constants",
     "table_5_1": "bench.table_5_1",
-    **dict.fromkeys(
-        ("scenes", "play", "quality", "quality_settings", "visits", "vulkan"), "bench.scenes"
-    ),
+    **dict.fromkeys(("scenes", "play", "quality", "visits", "vulkan"), "bench.scenes"),
     "peers": "bench.peer_surfaces",
 }
 # First cells of a row, as one text.
