@@ -5,7 +5,7 @@ import pytest
 
 from bench import pareto, pareto_figures, pareto_report, pareto_rows, tanks
 from bench.cases import CASES, thesis_pool, vortex
-from bench.cases.case import ADAPTIVE, DFSPH, UNIFORM, UNSHEARED, Setting, begin, tank
+from bench.cases.case import ADAPTIVE, DFSPH, UNIFORM, UNSHEARED, Setting
 from bench.cases.dam_break import reference
 from bench.tables import BETWEEN
 
@@ -44,19 +44,6 @@ def test_a_vortex_loses_little_amplitude_to_the_surface():
     assert vortex.SPEED**2 / (4.0 * tanks.GRAVITY * vortex.DEPTH) < 0.005
     _, errors = CASES["inviscid_vortex"].measure(Setting(resolution=4))
     assert errors["amplitude"] < 0.2
-
-
-def test_the_amplitude_of_a_vortex_is_weighted_by_mass():
-    """Coarse particles count as much as fine particles of the same volume."""
-    setting = Setting(water=ADAPTIVE, resolution=5)
-    run = begin(setting, tank(setting, (1.0, 1.0), vortex.DEPTH, vortex.AIR))
-    x = run.water.positions()
-    fine = (run.simulation.particles.numpy("layer") == 0)[:, None]
-    run.water.set_velocities(np.where(fine, 2.0, 1.0) * vortex.vortex(x))
-    m = run.water.masses()
-    shape = (vortex.vortex(x) ** 2).sum(axis=1)
-    share = (m * shape)[fine[:, 0]].sum() / (m * shape).sum()
-    assert vortex.amplitude(run.water) == pytest.approx(1.0 + share, rel=1e-5)
 
 
 def test_settings_change_the_shipped_pool():
@@ -129,13 +116,6 @@ def test_a_speed_up_within_the_range_of_the_starts_is_not_significant():
     (line,) = pareto_report.ratios(found, CASES["sloshing"])
     words = line["speed-up of adaptive layers over uniform water"]
     assert words.startswith("1 (0.56 to 5)") and words.endswith("not significant")
-
-
-def test_a_speed_up_within_the_range_of_the_times_is_not_significant():
-    layered = [row("sloshing", t, 0.01, water=ADAPTIVE, start=k) for k, t in enumerate((2, 8, 20))]
-    (line,) = pareto_report.ratios(grouped(*uniform(0), *layered), CASES["sloshing"])
-    words = line["speed-up of adaptive layers over uniform water"]
-    assert words == "1.2 (0.5 to 5), not significant"
 
 
 def test_the_faster_program_is_named():

@@ -12,7 +12,6 @@ from msph.measure.probes import FrontProbe
 from msph.measure.snapshot import Snapshot
 from msph.scene.library import assets
 from tests.fluid.fluid_kit import (
-    FRAME,
     advance,
     energies,
     lattice,
@@ -89,23 +88,6 @@ def test_inviscid_vortex_keeps_its_energy(stirred):
     assert max(found) < 0.03
     assert -0.08 < found[-1] < 0.0
     assert amplitude(Ours(stirred)) > 0.92 * start
-
-
-def test_sloshing_has_the_period_of_linear_theory():
-    """Water 15 spacings deep sloshes with omega^2 = g k tanh(k H), k = pi/L, over two periods."""
-    length, depth, d = 1.0, 0.5, 1.0 / 30.0
-    sim = tanks.build(tanks.tank((length, 6 * d), depth, d, layers=1))
-    tanks.run(sim, 0.5)
-    tanks.slosh(sim, depth, 0.03 * depth)
-    theory = tanks.slosh_period(length, depth)
-
-    times, centres = [], []
-    for k in range(round(2.0 * theory / FRAME)):
-        tanks.run(sim, FRAME)
-        times.append((k + 1) * FRAME)
-        centres.append(sim.particles.numpy("x")[:, 0].mean(dtype=float))
-    assert np.ptp(centres) > 0.005 * length
-    assert tanks.fitted_period(times, np.array(centres), theory) == pytest.approx(theory, rel=0.02)
 
 
 # Delay of the water by the gate of the experiment, in units of T; 0.1 to 0.2 are likely.

@@ -32,8 +32,6 @@ from tests.fluid.fluid_kit import (
     vectors,
 )
 
-MIDDLE = 0.8
-
 
 @pytest.fixture(scope="module")
 def balls():

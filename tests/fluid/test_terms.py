@@ -229,23 +229,6 @@ def test_taylor_green_vortex_decays_at_the_rate_of_its_viscosity(tank, steps):
     assert 1.0 - left == pytest.approx(1.0 - expected, rel=0.05)
 
 
-def test_walls_without_slip_give_a_sine_profile_its_rate_of_decay():
-    """The profile v = sin(pi x/L) sin(pi z/L) between walls without slip decays at 2 nu (pi/L)^2:
-    it is an eigenfunction, due to the velocities of the images."""
-    x, terms = lattice((8, 20, 8), 0.05), ProjectionParameters(viscosity=1.0, slip=False)
-    sim = simulate((0.4, 1.0, 0.4), [spec_of(0.05, 2.4)], x, terms=terms)
-    solver, n = prepare(sim)
-    x = sim.particles.numpy("x").astype(float)
-    v = np.zeros_like(x)
-    v[:, 1] = np.sin(np.pi * x[:, 0] / 0.4) * np.sin(np.pi * x[:, 2] / 0.4)
-    sim.particles.v.from_numpy(v.astype(np.float32))
-    solver.force(Viscosity).start_round(n, 1.0)
-    middle = np.abs(x[:, 1] - 0.5) < 0.3
-    found = sim.particles.numpy("viscous_residual")[middle]
-    rate = -(found * v[middle]).sum() / (v[middle] ** 2).sum()
-    assert rate == pytest.approx(2.0 * (np.pi / 0.4) ** 2, rel=0.15)
-
-
 @pytest.fixture(scope="module")
 def corner():
     """Returns particles of two layers with random velocities in a corner of walls without slip."""
@@ -285,8 +268,8 @@ def test_walls_without_slip_act_symmetrically_and_brake(corner):
 
 
 def test_surface_tension_turns_a_cube_into_a_ball_of_equal_volume():
-    n, edge = 9, 0.009
-    x, terms = lattice((n, n, n), edge / n) + 0.0155, ProjectionParameters(tension=0.072)
+    n, edge = 7, 0.007
+    x, terms = lattice((n, n, n), edge / n) + 0.0165, ProjectionParameters(tension=0.072)
     sim = simulate((0.04,) * 3, [spec_of(edge / n, 2.4)], x, terms=terms)
     radius = (0.75 / np.pi) ** (1.0 / 3.0) * edge
     diagonals = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)]) / 3**0.5
