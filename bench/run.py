@@ -44,8 +44,7 @@ def measure(name: str, only, case: str, starts, resume: bool, arch: str, threads
     for task in tqdm([t for t in requested if tuple(map(str, t)) not in done], unit="run"):
         own = dict(zip(tables.KEYS, task, strict=True))
         known = [row for row in known if tables.key(row) != tables.key(own)]
-        more = bench.tables[task[0]].environment
-        found = rows.in_process(__file__, (name, *task, arch, threads), MAX_SECONDS, more)
+        found = rows.in_process(__file__, (name, *task, arch, threads), MAX_SECONDS)
         if "failure" in found:
             click.echo(f"{', '.join(map(str, task))}: {found['failure']}", err=True)
         each = found.pop("rows", [{}])

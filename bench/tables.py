@@ -51,8 +51,7 @@ class Table:
     cells of its row; it returns figures by name, or a list of them with further first cells, one
     for each row. forms: formats of the figures, such as ".1%"; other values are cells of their own.
     targets: of figures, in words. across: figures are rows and cases are columns. starts: number of
-    random initial arrangements. arch: device, "" for the requested one. environment: variables of
-    the process.
+    random initial arrangements. arch: device, "" for the requested one.
     """
 
     title: str
@@ -63,7 +62,6 @@ class Table:
     across: bool = False
     starts: int = rows.STARTS
     arch: str = ""
-    environment: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

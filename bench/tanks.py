@@ -19,7 +19,6 @@ DUCT_MODES = 40
 # Heights of a duct's column of water at the start, and of the duct, in edges.
 DUCT_WATER, DUCT_TOP = (3.0, 6.5), 7.0
 FRAME = 1.0 / 60.0
-Forces = ExternalForces | MovingBox
 # Number of horizontal slices of a depth profile, and positions of the probes in each slice, (x, z)
 # over the footprint.
 SLICES = 12
@@ -220,7 +219,9 @@ def run(source: Water | Simulation, seconds: float, *readings: Reading | Profile
 def recorded(
     sim: Simulation,
     seconds: float,
-    forces: Callable[[float], Forces] = lambda time: ExternalForces((0.0, -GRAVITY, 0.0)),
+    forces: Callable[[float], ExternalForces | MovingBox] = lambda time: ExternalForces(
+        (0.0, -GRAVITY, 0.0)
+    ),
     read: Callable[[], None] = lambda: None,
     frame: float = FRAME,
 ) -> Ledger:
@@ -264,11 +265,6 @@ def slosh_period(length: float, depth: float) -> float:
     """Returns the period [s] of the first mode: omega^2 = g k tanh(k H), k = pi/L."""
     k = math.pi / length
     return 2.0 * math.pi / math.sqrt(GRAVITY * k * math.tanh(k * depth))
-
-
-def fitted_period(times: list[float], values: np.ndarray, guess: float) -> float:
-    """Returns the period [s] of the damped cosine that fits best."""
-    return fitted_wave(times, values, guess)[1]
 
 
 def fitted_wave(times: list[float], values: np.ndarray, guess: float) -> tuple[float, float]:

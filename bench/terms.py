@@ -136,7 +136,7 @@ def swing(resolution: int, seed: int) -> dict[str, float]:
         times.append(sim.time)
         long.append((x[:, 0] ** 2).mean() - 0.5 * (x[:, 1:] ** 2).sum(axis=1).mean())
         inside.append(sim.particles.numpy("pressure")[r < 0.6 * radius].mean())
-    found = tanks.fitted_period(times, np.array(long), period)
+    _, found = tanks.fitted_wave(times, np.array(long), period)
     axes = np.sqrt(5.0 * np.linalg.eigvalsh(np.cov(x.T))) / radius
     laplace = 2.0 * WATER_TENSION / radius
     return {
