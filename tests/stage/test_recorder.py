@@ -37,7 +37,7 @@ SIZE = (163, 91)
 FPS = 30.0
 
 
-# The next two tests come before those with `show`, and therefore need no second world.
+# The next tests run before `show` is built, and use its fields.
 def test_vtu_bodies_have_their_motion_and_the_forces_of_the_water(tmp_path):
     text = TEXT.replace('"classic"', '"projection"').split("[classic]")[0] + WATER + BODIES
     show = Show(load_scene(write(tmp_path, text)), 1 / FPS)

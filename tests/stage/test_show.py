@@ -21,17 +21,56 @@ SIZE = (160, 90)
 
 
 @pytest.fixture(scope="module")
-def show(tmp_path_factory):
-    """Returns a compiled show with images, shared by the tests of this file."""
+def shared(tmp_path_factory):
+    """Yields a compiled show with images, shared by the tests of this file."""
     path = write(tmp_path_factory.mktemp("scene"))
     scene = load_scene(path, ("sway.angle=10", "sway.seconds=10"))
-    return Show(scene, 1 / 60, size=SIZE, timings=Timings())
+    show = Show(scene, 1 / 60, size=SIZE, timings=Timings())
+    yield show
+    show.close()
 
 
-@pytest.fixture(autouse=True)
-def start_anew(show):
-    show.reset()
-    show.display.views.name = "water"
+@pytest.fixture
+def show(shared):
+    shared.reset()
+    shared.display.views.name = "water"
+    return shared
+
+
+# The next tests run before `show` is built, and use its fields.
+def test_show_without_images_allocates_no_surface_and_no_image(tmp_path):
+    show = Show(load_scene(write(tmp_path)), 1 / 60)
+    show.frame(Controls())
+    assert show.simulation.time == pytest.approx(1 / 60)
+    assert not {"state", "display"} & set(vars(show))
+    show.close()
+
+
+def test_water_in_pipes_of_inflows_is_no_volume_error(tmp_path):
+    """Water in pipes has no surface. Regression: it counted as missing volume (3 % in `lock`)."""
+    text = TEXT.replace("[classic]\nviscosity = 10.0\n", "").replace('method = "classic"\n', "")
+    inflow = "\n[[inflows]]\ncentre = [0.2, 0, 0.2]\nradius = 0.1\nspeed = 0.1\n"
+    show = Show(load_scene(write(tmp_path, text + inflow)), 1.0 / 60.0, (64, 36))
+    show.frame(Controls())
+    x = show.simulation.particles.numpy("x")
+    assert (x[:, 1] < 0.0).mean() > 0.03
+    assert abs(show.volume_error()) < 0.005
+    show.close()
+
+
+def test_kernels_compiled_in_later_frames_change_nothing(tmp_path):
+    show = Show(load_scene(write(tmp_path)), 0.02, (64, 36), **INTERACTIVE)
+    seen = []
+    for first_image in (True, False):
+        show.warm_up(first_image)
+        assert bool(show.later) == first_image
+        for _ in range(40):
+            show.frame(Controls())
+        assert not show.later
+        seen.append((show.simulation.particles.numpy("x"), show.display.picture.to_numpy_u8()))
+    show.close()
+    for one, other in zip(*seen, strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 def test_headless_runs_the_requested_number_of_frames(show):
@@ -156,13 +195,6 @@ def test_view_key_cycles_through_all_views(show):
     assert names == [*show.display.views.names[1:], show.display.views.names[0]]
 
 
-def test_show_without_images_allocates_no_surface_and_no_image(tmp_path):
-    show = Show(load_scene(write(tmp_path)), 1 / 60)
-    show.frame(Controls())
-    assert show.simulation.time == pytest.approx(1 / 60)
-    assert not {"state", "display"} & set(vars(show))
-
-
 def ticking(seconds):
     """Returns a clock that advances by `seconds` at each reading."""
     ticks = itertools.count()
@@ -231,30 +263,3 @@ def test_surface_encloses_the_volume_of_the_water(show):
     show.frame(Controls())
     assert show.volume() == pytest.approx(0.4 * 0.18 * 0.4, rel=0.1)
     assert show.volume_error() == pytest.approx(show.volume() / (0.4 * 0.18 * 0.4) - 1, abs=0.02)
-
-
-def test_water_in_pipes_of_inflows_is_no_volume_error(tmp_path):
-    """Water in pipes has no surface. Regression: it counted as missing volume (3 % in `lock`)."""
-    text = TEXT.replace("[classic]\nviscosity = 10.0\n", "").replace('method = "classic"\n', "")
-    inflow = "\n[[inflows]]\ncentre = [0.2, 0, 0.2]\nradius = 0.1\nspeed = 0.1\n"
-    show = Show(load_scene(write(tmp_path, text + inflow)), 1.0 / 60.0, (64, 36))
-    show.frame(Controls())
-    x = show.simulation.particles.numpy("x")
-    assert (x[:, 1] < 0.0).mean() > 0.03
-    assert abs(show.volume_error()) < 0.005
-    show.close()
-
-
-def test_kernels_compiled_in_later_frames_change_nothing(tmp_path):
-    show = Show(load_scene(write(tmp_path)), 0.02, (64, 36), **INTERACTIVE)
-    seen = []
-    for first_image in (True, False):
-        show.warm_up(first_image)
-        assert bool(show.later) == first_image
-        for _ in range(100):
-            show.frame(Controls())
-        assert not show.later
-        seen.append((show.simulation.particles.numpy("x"), show.display.picture.to_numpy_u8()))
-    show.close()
-    for one, other in zip(*seen, strict=True):
-        np.testing.assert_array_equal(one, other)
