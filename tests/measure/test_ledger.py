@@ -43,6 +43,17 @@ def world(shared):
     return sim, ledger
 
 
+@pytest.fixture
+def pool():
+    """Returns a pool of the projection method, 448 particles in two layers, and its ledger."""
+    d = 0.05
+    x = lattice((8, 7, 8), d)
+    layers = [spec_of(d, 2.0), LayerSpec(1050.0 * d**3, 1000.0, 2.0)]
+    sim = simulate((8 * d, 10 * d, 8 * d), layers, x, x[:, 1] < 4 * d)
+    yield sim, Ledger(sim)
+    sim.close()
+
+
 # The next tests run before `world` is built, and use its fields.
 def test_motion_energy_is_the_energy_above_level_water():
     """The reference is level water, half as high as a block on half of the floor; a body of
@@ -98,6 +109,65 @@ def test_energy_gains_are_unknown_under_surface_tension(tension):
     names = ("energy_gain", "energy_gain_of_motion", "energy_rise_in_1_s")
     assert all(math.isnan(found[name]) for name in names) == (tension > 0.0)
     sim.close()
+
+
+def test_added_water_is_recorded_and_overlaps_nothing(pool, monkeypatch):
+    """Mass, momentum and energy balance with the record of added water, before and after steps."""
+    sim, ledger = pool
+    monkeypatch.setattr(sim.particles, "capacity", sim.particles.count + 3)
+    start, d = ledger.record(G), 0.05
+    above = np.array([[0.1, 0.4, 0.1], [0.2, 0.42, 0.2], [0.3, 0.45, 0.3]], np.float32)
+    # Not added: in the water, beyond a wall, and next to an added particle.
+    inside = np.array([[0.11, 0.12, 0.1], [-0.1, 0.4, 0.1], [0.12, 0.4, 0.1]], np.float32)
+    x = np.concatenate([above, inside])
+    v = np.tile(np.array([0.4, -1.0, 0.2], np.float32), (len(x), 1))
+    assert sim.add(x, v, 0, G) == 3
+    after = ledger.record(G)
+    assert after.added_mass == pytest.approx(3000.0 * d**3, rel=1e-6)
+    assert after.mass - start.mass == pytest.approx(after.added_mass, rel=1e-3)
+    assert ledger.mass_change() == pytest.approx(0.0, abs=1e-6)
+    gained = after.momentum - start.momentum
+    assert gained == pytest.approx(after.user_impulse, abs=1e-4) and gained[0] > 0.1
+    assert after.energy == pytest.approx(start.energy, abs=1e-4 * start.potential)
+    ids = sim.particles.numpy("id")
+    assert len(np.unique(ids)) == len(ids)
+    with pytest.raises(FullError, match="full"):
+        sim.add(above + np.float32(0.051), v[:3], 0, G)
+    advance(sim, 6)
+    entry = ledger.record(G)
+    assert abs(ledger.mass_change()) < 1e-6 and entry.outside == 0
+    assert entry.energy < start.energy + 1e-3 * start.potential
+    sim.reset()
+    assert ledger.record(G).added_mass == 0.0
+
+
+@pytest.mark.parametrize("name", ["pool", "world"])
+def test_momentum_is_the_impulse_of_gravity_walls_and_the_hand(name, request):
+    """The momentum gained is M g t plus the impulses of walls, hand and pair forces, for particles
+    that fall, are dragged and hit walls; impulse and work of the hand are not zero."""
+    sim, ledger = request.getfixturevalue(name)
+    start = ledger.record(G)
+    hand = Hand(
+        position=(0.2, 0.2, 0.2),
+        velocity=(2.0, 1.0, -1.0),
+        radii=(0.25, 0.25, math.inf),
+        grip=20.0,
+        spin=(0.0, 5.0, 0.0),
+        draw=-3.0,
+    )
+    for _ in range(12):
+        sim.advance(1 / 60, ExternalForces(G, hand))
+    entry = ledger.record(G)
+    given = entry.mass * np.array(G) * sim.time + entry.wall_impulse + entry.user_impulse
+    gained = entry.momentum - start.momentum
+    exchanged = entry.mass * 9.81 * sim.time
+    assert np.abs(gained - given - entry.internal_impulse).max() < 1e-4 * exchanged
+    assert entry.user_impulse[0] > 0.01 * exchanged and entry.user_work != 0.0
+    assert np.linalg.norm(entry.wall_impulse) > 0.1 * exchanged
+    assert entry.wall_work == entry.merge_loss == 0.0
+    if name == "pool":
+        assert ledger.momentum_drift() < 1e-4
+        assert np.linalg.norm(entry.internal_impulse) < 1e-5 * exchanged
 
 
 def test_entry_equals_sums_by_hand(world):
@@ -250,80 +320,6 @@ def test_reference_energy_counts_height_above_the_lowest_corner(world):
     height = 1.0 - upside_down.centre[1]
     expected = upside_down.kinetic + upside_down.mass * 9.81 * height
     assert ledger.reference_energy() == pytest.approx(expected, rel=1e-6)
-
-
-@pytest.fixture(scope="module")
-def pool():
-    """Returns a pool of the projection method, 448 particles in two layers, and its ledger."""
-    d = 0.05
-    x = lattice((8, 7, 8), d)
-    layers = [spec_of(d, 2.0), LayerSpec(1050.0 * d**3, 1000.0, 2.0)]
-    sim = simulate((8 * d, 10 * d, 8 * d), layers, x, x[:, 1] < 4 * d)
-    yield sim, Ledger(sim)
-    sim.close()
-
-
-@pytest.mark.parametrize("name", ["world", "pool"])
-def test_momentum_is_the_impulse_of_gravity_walls_and_the_hand(name, request):
-    """The momentum gained is M g t plus the impulses of walls, hand and pair forces, for particles
-    that fall, are dragged and hit walls; impulse and work of the hand are not zero."""
-    sim, ledger = request.getfixturevalue(name)
-    sim.reset()
-    ledger.clear()
-    start = ledger.record(G)
-    hand = Hand(
-        position=(0.2, 0.2, 0.2),
-        velocity=(2.0, 1.0, -1.0),
-        radii=(0.25, 0.25, math.inf),
-        grip=20.0,
-        spin=(0.0, 5.0, 0.0),
-        draw=-3.0,
-    )
-    for _ in range(12):
-        sim.advance(1 / 60, ExternalForces(G, hand))
-    entry = ledger.record(G)
-    given = entry.mass * np.array(G) * sim.time + entry.wall_impulse + entry.user_impulse
-    gained = entry.momentum - start.momentum
-    exchanged = entry.mass * 9.81 * sim.time
-    assert np.abs(gained - given - entry.internal_impulse).max() < 1e-4 * exchanged
-    assert entry.user_impulse[0] > 0.01 * exchanged and entry.user_work != 0.0
-    assert np.linalg.norm(entry.wall_impulse) > 0.1 * exchanged
-    assert entry.wall_work == entry.merge_loss == 0.0
-    if name == "pool":
-        assert ledger.momentum_drift() < 1e-4
-        assert np.linalg.norm(entry.internal_impulse) < 1e-5 * exchanged
-
-
-def test_added_water_is_recorded_and_overlaps_nothing(pool, monkeypatch):
-    """Mass, momentum and energy balance with the record of added water, before and after steps."""
-    sim, ledger = pool
-    sim.reset()
-    ledger.clear()
-    monkeypatch.setattr(sim.particles, "capacity", sim.particles.count + 3)
-    start, d = ledger.record(G), 0.05
-    above = np.array([[0.1, 0.4, 0.1], [0.2, 0.42, 0.2], [0.3, 0.45, 0.3]], np.float32)
-    # Not added: in the water, beyond a wall, and next to an added particle.
-    inside = np.array([[0.11, 0.12, 0.1], [-0.1, 0.4, 0.1], [0.12, 0.4, 0.1]], np.float32)
-    x = np.concatenate([above, inside])
-    v = np.tile(np.array([0.4, -1.0, 0.2], np.float32), (len(x), 1))
-    assert sim.add(x, v, 0, G) == 3
-    after = ledger.record(G)
-    assert after.added_mass == pytest.approx(3000.0 * d**3, rel=1e-6)
-    assert after.mass - start.mass == pytest.approx(after.added_mass, rel=1e-3)
-    assert ledger.mass_change() == pytest.approx(0.0, abs=1e-6)
-    gained = after.momentum - start.momentum
-    assert gained == pytest.approx(after.user_impulse, abs=1e-4) and gained[0] > 0.1
-    assert after.energy == pytest.approx(start.energy, abs=1e-4 * start.potential)
-    ids = sim.particles.numpy("id")
-    assert len(np.unique(ids)) == len(ids)
-    with pytest.raises(FullError, match="full"):
-        sim.add(above + np.float32(0.051), v[:3], 0, G)
-    advance(sim, 6)
-    entry = ledger.record(G)
-    assert abs(ledger.mass_change()) < 1e-6 and entry.outside == 0
-    assert entry.energy < start.energy + 1e-3 * start.potential
-    sim.reset()
-    assert ledger.record(G).added_mass == 0.0
 
 
 def test_the_hands_work_is_the_energy_it_gives(world):
