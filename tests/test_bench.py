@@ -125,7 +125,7 @@ def test_runs_are_resumed_and_failures_repeated(tmp_path, monkeypatch):
     failed run is a row that --resume repeats."""
     ran = []
 
-    def fake(script, task, seconds, more):
+    def fake(script, task, seconds):
         ran.append(task[1:4])
         return {"failure": "no room"} if task[2] == "b" else {"rows": [{"speed": 1.0}]}
 
