@@ -33,16 +33,11 @@ from tests.fluid.fluid_kit import (
 )
 
 
-@pytest.fixture(scope="module")
-def balls():
-    return colliding_balls()
-
-
 @pytest.fixture
-def collision(balls):
-    """Returns the balls at their start."""
-    balls.reset()
-    return balls
+def collision():
+    sim = colliding_balls()
+    yield sim
+    sim.close()
 
 
 def test_collision_of_water_gains_no_energy(collision):

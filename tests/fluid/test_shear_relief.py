@@ -27,7 +27,7 @@ N, D, SMOOTHING = 7, 0.05, 2.4
 EDGE, DT, SHARE = N * D, 1e-3, 0.9
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def cube():
     """Returns disordered water that fills a box."""
     x, terms = lattice((N, N, N), D, 0.3, seed=4), ProjectionParameters(shear_relief=SHARE)
