@@ -43,18 +43,8 @@ def tank(
     of the random initial displacements of `jitter` spacings.
     """
     x, z = footprint
-    mass = 1000.0 * finest**3
-    body = {"layer": layers - 1, "lo": [0, 0, 0], "hi": [x, depth, z], "jitter": jitter}
-    return Scene.model_validate(
-        {
-            "method": "projection",
-            "seed": seed,
-            "box": {"size": [x, depth + air, z]},
-            "layers": [{"mass": mass * 2**k} for k in range(layers)],
-            "water": [body],
-            "adaptation": {"enabled": layers > 1, **adaptation},
-        }
-    )
+    water = {"lo": [0, 0, 0], "hi": [x, depth, z], "jitter": jitter}
+    return _scene([x, depth + air, z], finest, layers, water, adaptation, seed=seed)
 
 
 def duct(
@@ -65,18 +55,23 @@ def duct(
 
     spacings: finest spacings across the duct; viscosity [Pa s]; other arguments as for tank().
     """
-    mass = 1000.0 * (edge / spacings) ** 3
     bottom, top = (height * edge for height in DUCT_WATER)
-    lo, hi = [0, bottom, 0], [edge, top, edge]
+    water = {"lo": [0, bottom, 0], "hi": [edge, top, edge], "jitter": 0.02}
+    size, terms = [edge, DUCT_TOP * edge, edge], {"viscosity": viscosity, "slip": False}
+    finest = edge / spacings
+    return _scene(size, finest, layers, water, adaptation, seed=seed, projection=terms)
+
+
+def _scene(size, finest: float, layers: int, water: dict, adaptation: dict, **more) -> Scene:
+    """Returns the scene of a box with water of the coarsest of its layers."""
     return Scene.model_validate(
         {
             "method": "projection",
-            "seed": seed,
-            "box": {"size": [edge, DUCT_TOP * edge, edge]},
-            "projection": {"viscosity": viscosity, "slip": False},
-            "layers": [{"mass": mass * 2**k} for k in range(layers)],
-            "water": [{"layer": layers - 1, "lo": lo, "hi": hi, "jitter": 0.02}],
+            "box": {"size": size},
+            "layers": [{"mass": 1000.0 * finest**3 * 2**k} for k in range(layers)],
+            "water": [{"layer": layers - 1, **water}],
             "adaptation": {"enabled": layers > 1, **adaptation},
+            **more,
         }
     )
 
