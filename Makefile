@@ -55,7 +55,6 @@ check: $(VENV)/dev
 
 bench: $(VENV)/dev
 	$(RUN) bench/run.py
-	$(RUN) bench/pareto.py
 
 $(VENV)/play: pyproject.toml constraints.txt
 	@test -n "$(PYTHON)" || { echo "M-SPH needs Python 3.10 to 3.13; none of $(PYTHONS) is one" >&2; exit 1; }

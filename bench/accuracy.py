@@ -1,23 +1,16 @@
 """Errors of the projection method against formulas, for uniform and layered water.
 
 A difference between uniform and layered water is significant only if it exceeds the range over the
-starts. In the case "collision" starts differ in the positions of the lattices.
+starts.
 """
 
 from functools import partial
 
 import numpy as np
 
-from bench import rows, tanks
-from bench.tables import Bench, Table, markdown
+from bench import tanks
+from bench.tables import Bench, Table
 from bench.water import Ours
-from msph.fluid.adaptivity.bands import AdaptationParameters
-from msph.fluid.external_forces import ExternalForces
-from msph.fluid.particles.layers import LayerSpec
-from msph.fluid.plan import Plan
-from msph.fluid.projection.parameters import ProjectionParameters
-from msph.fluid.projection.solver import Projection
-from msph.fluid.simulation import Simulation
 
 # Kinds of water: number of layers, and changed adaptation parameters. "uniform, irregular" starts
 # like layered water, from cubes halved along random axes, but all particles have the finest size
@@ -29,27 +22,16 @@ WATERS: dict[str, tuple[int, dict[str, float]]] = {
 }
 # Still water: finest spacing [m], depth in spacings, and time [s]; the column is 10 spacings wide.
 FINE, SPACINGS_DEEP, STILL_SECONDS = 0.02, 60, 10.0
-# Sloshing: length of the box and depth [m], amplitude over depth (-), depths in finest spacings;
-# the lowest wave is half a spacing high. At a single depth the error may vanish by chance.
-LENGTH, DEPTH, AMPLITUDE, SPACINGS = 1.0, 0.5, 0.05, (10, 12, 15, 20, 25)
-SLOSH_SECONDS = 5.0
 # Falling in a duct: edge [m], viscosity [Pa s], finest spacings across; times between which it is
 # measured [s], and distance of the measured heights from the ends of the column at the start, in
 # edges: the column falls, and both ends bulge in the duct's middle.
 EDGE, VISCOSITY, ACROSS = 0.2, 100.0, (10, 16)
 DUCT_BEGIN, DUCT_END, FROM_ENDS = 0.1, 0.35, 1.25
-# Forms of figures: counts, shares, energies [J], drifts.
-WHOLE, SHARE, JOULE, DRIFT = ",.0f", ".3%", ".3g", ".1e"
+# Forms of figures: counts, shares, energies [J].
+WHOLE, SHARE, JOULE = ",.0f", ".3%", ".3g"
 # Figures by case: format and target.
-RESIDUAL = {
-    "solver residual, mean": (SHARE, ""),
-    "solver residual, 99th percentile": (SHARE, ""),
-    "solver residual, largest": (SHARE, ""),
-}
 PRESSURE = "pressure error against rho g (H - y), rms over depth"
-PERIOD = f"period against linear theory, {tanks.slosh_period(LENGTH, DEPTH):.3f} s"
 CHANGED = f"particles that changed layer in {STILL_SECONDS - 1:g} s"
-APART = f"largest distance of the centre of mass from uniform in {SLOSH_SECONDS:g} s, over length"
 STILL = {
     "particles": (WHOLE, ""),
     f"{PRESSURE}, probes": (SHARE, "2 %"),
@@ -63,33 +45,11 @@ STILL = {
     "kinetic energy, last second, J": (JOULE, "decays"),
     CHANGED: (WHOLE, ""),
 }
-SLOSHING = {
-    "particles": (WHOLE, ""),
-    PERIOD: (SHARE, "1 %"),
-    **RESIDUAL,
-    "energy, largest rise in 1 s": (SHARE, "0.1 %"),
-    "the same over kinetic plus available potential energy": (SHARE, ""),
-    "height of the centre of mass against rest": (SHARE, "1 %"),
-    APART: (SHARE, "1 %"),
-}
 DUCT = {
     "particles": (WHOLE, ""),
     "flow against theory, mean over time": (SHARE, "3 %, layers 5 %"),
     "speed within a spacing of the walls": (SHARE, ""),
 }
-COLLISION = {
-    "particles created": (WHOLE, ""),
-    "particles removed": (WHOLE, ""),
-    "mass drift": (DRIFT, "0"),
-    "momentum drift over sum m v": (DRIFT, "1e-05"),
-    "angular momentum drift over sum m r v": (DRIFT, "1e-04"),
-}
-
-
-def residuals(reading: tanks.Reading) -> dict[str, float]:
-    """Returns the figures RESIDUAL."""
-    found = np.mean(reading.error_mean), np.mean(reading.error_p99), max(reading.error_max)
-    return dict(zip(RESIDUAL, map(float, found), strict=True))
 
 
 def still(kind: str, seed: int) -> dict[str, float]:
@@ -109,51 +69,15 @@ def still(kind: str, seed: int) -> dict[str, float]:
         "particles": sim.particles.count,
         f"{PRESSURE}, probes": profile.error(),
         f"{PRESSURE}, particle means": later.pressure_error(),
-        **residuals(later),
+        "solver residual, mean": float(np.mean(later.error_mean)),
+        "solver residual, 99th percentile": float(np.mean(later.error_p99)),
+        "solver residual, largest": max(later.error_max),
         "height of the centre of mass against rest": later.volume_error(),
         "energy, largest rise in 1 s": max(reading.energy_rise(), later.energy_rise()),
         "kinetic energy, first second, J": float(np.mean(reading.kinetic[-frames:])),
         "kinetic energy, last second, J": float(np.mean(later.kinetic[-frames:])),
         CHANGED: int(np.abs(changed - sim.counts()).sum()),
     }
-
-
-def sloshing(spacings: int, seed: int) -> list[dict[str, float]]:
-    """Returns the figures of a sloshing tank with each kind of water."""
-    centres = {}
-    found = []
-    for water in WATERS:
-        figures, centres[water] = slosh(water, spacings, seed)
-        if water != "uniform":
-            far = np.abs(centres[water] - centres["uniform"]).max() / LENGTH
-            figures[APART] = float(far)
-        found.append({"water": water, **figures})
-    return found
-
-
-def slosh(kind: str, spacings: int, seed: int) -> tuple[dict[str, float], np.ndarray]:
-    """Returns the figures of a sloshing tank, and the position of its centre of mass along x at
-    each frame [m]."""
-    fine = DEPTH / spacings
-    layers, changes = WATERS[kind]
-    scene = tanks.tank((LENGTH, 10 * fine), DEPTH, fine, layers, seed=seed, **changes)
-    sim = tanks.build(scene)
-    tanks.run(sim, 1.0)
-    tanks.slosh(sim, DEPTH, AMPLITUDE * DEPTH)
-    reading = tanks.Reading(sim)
-    tanks.run(sim, SLOSH_SECONDS, reading)
-    x = np.array(reading.centres)[:, 0]
-    theory = tanks.slosh_period(LENGTH, DEPTH)
-    found = tanks.fitted_period([t - 1.0 for t in reading.times], x, theory)
-    rise_of_motion = reading.energy_rise_of_motion()
-    return {
-        "particles": sim.particles.count,
-        PERIOD: found / theory - 1.0,
-        **residuals(reading),
-        "energy, largest rise in 1 s": reading.energy_rise(),
-        "the same over kinetic plus available potential energy": rise_of_motion,
-        "height of the centre of mass against rest": reading.volume_error(),
-    }, x
 
 
 def duct(spacings: int, kind: str, seed: int) -> dict[str, float]:
@@ -181,64 +105,6 @@ def duct(spacings: int, kind: str, seed: int) -> dict[str, float]:
     }
 
 
-def collision(start: int) -> dict[str, float]:
-    """Returns the figures of two balls that collide off centre without gravity, with splits and
-    merges."""
-    rng = np.random.default_rng(start)
-    d, middle, radius = 0.025, 1.2, 0.15
-    specs = [LayerSpec(1000.0 * d**3 * 2**k, 1000.0, Projection.SMOOTHING) for k in range(3)]
-    balls = []
-    for k, at in ((0, (-0.18, 0.04, 0.0)), (2, (0.18, -0.04, 0.0))):
-        spacing = specs[k].spacing
-        n = int(radius / spacing) + 2
-        axis = (np.arange(-n, n) + 0.5) * spacing
-        grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
-        grid += rng.uniform(-0.5, 0.5, 3) * spacing
-        balls.append(grid[np.linalg.norm(grid, axis=1) < radius] + at + middle)
-    x = np.concatenate(balls).astype(np.float32)
-    v = np.zeros_like(x)
-    v[: len(balls[0]), 0], v[len(balls[0]) :, 0] = 1.0, -1.0
-    layer = np.repeat([0, 2], [len(b) for b in balls]).astype(np.int32)
-    initial = {"x": x, "v": v, "layer": layer}
-    adaptation = AdaptationParameters(band=0.7, every=2)
-    sim = Simulation(
-        Plan((2.4, 2.4, 2.4), specs, initial, ProjectionParameters(), (), adaptation, capacity=5000)
-    )
-
-    water = Ours(sim)
-    mass, (linear, angular, scale, spin) = water.masses().sum(), water.momenta(middle)
-    before = set(sim.particles.numpy("id"))
-    # Thin bands, as in a pool near its capacity, cause merges; full bands then cause splits.
-    for thickness in (0.35, 1.0):
-        sim.solver.adaptation.thickness = thickness
-        for _ in range(12):
-            sim.advance(tanks.FRAME, ExternalForces(gravity=(0.0, 0.0, 0.0)))
-    after = set(sim.particles.numpy("id"))
-    linear_after, turned, _, _ = water.momenta(middle)
-    return {
-        "particles created": len(after - before),
-        "particles removed": len(before - after),
-        "mass drift": abs(water.masses().sum() / mass - 1.0),
-        "momentum drift over sum m v": float(np.linalg.norm(linear_after - linear)) / scale,
-        "angular momentum drift over sum m r v": float(np.linalg.norm(turned - angular)) / spin,
-    }
-
-
-def over_depths(known: list[dict]) -> list[str]:
-    """Returns the table of the root mean square of the errors of the period over the depths, for
-    each kind of water: median and range over the starts."""
-    errors: dict[str, dict[str, list[float]]] = {}
-    for row in known:
-        if PERIOD in row:
-            starts = errors.setdefault(row["water"], {})
-            starts.setdefault(row["start"], []).append(float(row[PERIOD]))
-    line = {"figure": "period against linear theory, rms over depths"}
-    for water, starts in errors.items():
-        rms = [float(np.sqrt(np.mean(np.square(found)))) for found in starts.values()]
-        line[water] = rows.spread(rms, SHARE)
-    return ["## Sloshing, all depths\n", markdown([line])] if errors else []
-
-
 def table(title: str, cases: dict, figures: dict[str, tuple[str, str]]) -> Table:
     """Returns the table of cases with these figures."""
     forms, targets = ({name: of[k] for name, of in figures.items()} for k in (0, 1))
@@ -259,23 +125,11 @@ TABLES = {
         )
         for n in ACROSS
     },
-    **{
-        f"sloshing {n}": table(
-            f"Sloshing, amplitude {AMPLITUDE:.0%} of the depth, {n} spacings deep",
-            {(): partial(sloshing, n)},
-            SLOSHING,
-        )
-        for n in SPACINGS
-    },
-    "collision": table(
-        "Collision of a fine and a coarse ball", {("layered",): collision}, COLLISION
-    ),
 }
 BENCHES = {
     "accuracy": Bench(
         "Errors of the projection method",
         "Random initial arrangements: median (minimum to maximum).\n",
         TABLES,
-        over_depths,
     )
 }

@@ -9,7 +9,6 @@ import numpy as np
 from bench.cases import CASES
 from bench.cases.case import (
     ADAPTIVE,
-    CHANGEABLE,
     DFSPH,
     FIXED,
     UNIFORM,
@@ -17,7 +16,7 @@ from bench.cases.case import (
     Case,
     Setting,
 )
-from bench.pareto_table import high, low, number
+from bench.pareto_rows import high, low, number
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
@@ -36,12 +35,6 @@ STYLES = {
 # Changes of rows without shear relief, in words.
 WITHOUT_RELIEF = Setting(**UNSHEARED).changes
 OTHER = ("#009E73", "P")
-
-
-def changes(row: dict) -> str:
-    """Returns the changes of a row's setting, in words."""
-    found = [f"{text} {float(row[k]):g}" for k, text in CHANGEABLE.items() if row.get(k)]
-    return ", ".join(found)
 
 
 def undominated(rows: list[dict], error: str) -> list[dict]:
@@ -72,8 +65,8 @@ def plot(axis, rows: list[dict], case: Case, error: str) -> None:
         x, y = number(row, "wall_per_simulated"), max(number(row, error), LEAST)
         ends = [max(end(row, error), LEAST) for end in (low, high)]
         axis.plot([x, x], ends, color=colour, lw=0.8, alpha=0.6, zorder=2)
-        size, edge = 25 if changes(row) else 60, "white"
-        if changes(row) == WITHOUT_RELIEF:
+        size, edge = 25 if row["changes"] else 60, "white"
+        if row["changes"] == WITHOUT_RELIEF:
             size, edge = 40, "black"
         axis.scatter(x, y, size, colour, marker, edgecolors=edge, linewidths=0.8, zorder=3)
         if kind not in STYLES:

@@ -2,8 +2,6 @@
 
 import itertools
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 from scipy.stats import linregress
@@ -11,8 +9,8 @@ from tabulate import tabulate
 
 from bench.cases import CASES
 from bench.cases.case import ADAPTIVE, DFSPH, FIXED, UNIFORM, Case
-from bench.pareto_figures import LEAST, WITHOUT_RELIEF, changes, drawn, figures, undominated
-from bench.pareto_table import disturbed, grouped, high, low, number
+from bench.pareto_figures import LEAST, WITHOUT_RELIEF, drawn, figures, undominated
+from bench.pareto_rows import disturbed, grouped, high, low, number, place_of
 from bench.report import RESULTS
 
 # Error limits for which the fastest run is listed (-).
@@ -68,7 +66,7 @@ def ratios(rows: list[dict], case: Case) -> list[dict[str, str]]:
             found.append(
                 {
                     "resolution": row["resolution"],
-                    "changes": changes(row),
+                    "changes": row["changes"],
                     case.main.replace("_", " "): cell(row, case.main),
                     "speed-up of adaptive layers over uniform water": speed_up,
                 }
@@ -129,7 +127,7 @@ def orders(rows: list[dict], case: Case) -> list[dict[str, str]]:
         own = [
             r
             for r in rows
-            if (r["method"], r["water"], changes(r)) == ("projection", water, change)
+            if (r["method"], r["water"], r["changes"]) == ("projection", water, change)
         ]
         own.sort(key=lambda r: float(r["resolution"]))
         if len(own) > 2:
@@ -154,7 +152,7 @@ def recommended(rows: list[dict]) -> list[dict[str, str]]:
                     "limit": f"{case.main.replace('_', ' ')} within {100.0 * limit:g} %",
                     "fastest": f"{best['method']}, {best['water']}",
                     "resolution": best["resolution"],
-                    "changes": changes(best),
+                    "changes": best["changes"],
                     "error": error,
                     "s per s": shown("wall_per_simulated", number(best, "wall_per_simulated")),
                 }
@@ -168,7 +166,7 @@ def self_convergence(rows: list[dict], case: Case) -> list[dict[str, str]]:
         for r in rows
         if r["case"] == case.name
         and r["method"] == "projection"
-        and not changes(r)
+        and not r["changes"]
         and np.isfinite(number(r, (case.values or ("",))[0]))
     ]
     uniform = sorted(
@@ -197,7 +195,7 @@ def table(rows: list[dict], case: Case) -> str:
     for row in sorted((r for r in rows if r["case"] == case.name), key=order):
         mark = "**" if id(row) in best else ""
         cells = {"method": row["method"], "water": f"{mark}{row['water']}{mark}"}
-        cells |= {"resolution": row["resolution"], "changes": changes(row)}
+        cells |= {"resolution": row["resolution"], "changes": row["changes"]}
         cells["starts"] = str(row["starts"])
         for name, head in COSTS.items():
             cells[head] = cell(row, name)
@@ -243,17 +241,15 @@ def shown(name: str, value: float) -> str:
     return f"{100.0 * value:.3f} %" if value >= 1e-5 else f"{value:.0e}"
 
 
-def report(rows: list[dict], folder: Path = RESULTS) -> None:
-    """Writes pareto.md and the figures."""
-    where = sorted(
-        {f"{r['machine']}; arch {r['arch']}, threads: {r['threads']}; {r['date']}" for r in rows}
-    )
-    command = " ".join(["python", *sys.argv])
+def report(rows: list[dict]) -> str:
+    """Writes pareto.md and the figures; returns the text."""
+    where = sorted({row["measured"] for row in rows})
     rows = grouped(rows)
     text = [
         "# Speed against error\n",
+        "`python bench/run.py pareto`\n",
         *(f"- {place}" for place in where),
-        f"- drawn by `{command}`\n",
+        "",
         "Elapsed seconds per simulated second, in frames of 1/60 s; peak memory of the process, "
         "150 MiB of which is Python and\nTaichi. Every row is the median of its starts, which "
         "differ in the initial displacements, with the range in brackets.\n*Solver residual*: "
@@ -262,7 +258,7 @@ def report(rows: list[dict], folder: Path = RESULTS) -> None:
         "smaller main error, the first of the case's list.\nRows with and without shear relief met "
         "different loads; [friction](friction.md) compares them in turn.\n",
     ]
-    figures(rows, folder)
+    figures(rows, RESULTS)
     text += ["## The fastest run within an error limit\n", f"{lines_of(recommended(rows))}\n"]
     text += compared_with_peer(rows)
     for case in CASES.values():
@@ -287,15 +283,18 @@ def report(rows: list[dict], folder: Path = RESULTS) -> None:
                 text += [title, "", lines_of(lines), ""]
         if drawn(rows, case):
             text.append(f"![{case.title}](pareto_{case.name}.png)\n")
-    (folder / "pareto.md").write_text("\n".join(text), encoding="utf-8")
+    found = "\n".join(text)
+    (RESULTS / "pareto.md").write_text(found, encoding="utf-8")
+    return found
 
 
 def measured(rows: list[dict]) -> str:
     """Returns the dates, numbers of threads and numbers of starts of the rows, in words."""
     starts = sorted({row["starts"] for row in rows})
+    threads, dates = (sorted(set(each)) for each in zip(*map(place_of, rows), strict=True))
     found = [
-        f"on {' and '.join(sorted({row['date'] for row in rows}))}",
-        f"threads: {', '.join(sorted({str(row['threads']) for row in rows}))}",
+        f"on {' and '.join(dates)}",
+        f"threads: {', '.join(map(str, threads))}",
         f"starts: {' to '.join(str(n) for n in sorted({starts[0], starts[-1]}))}",
     ]
     return "; ".join(found)
@@ -314,7 +313,7 @@ def compared_with_peer(rows: list[dict]) -> list[str]:
                     {
                         "case": case.name,
                         "resolution": row["resolution"],
-                        "settings": changes(row) or "as shipped",
+                        "settings": row["changes"] or "as shipped",
                         "error": f"{error.replace('_', ' ')} {cell(row, error)}",
                         "its s per s": cell(row, "wall_per_simulated"),
                         "faster at this error": faster(row, ours, error),

@@ -2,7 +2,6 @@
 
 import csv
 import json
-import os
 import statistics
 import subprocess
 import sys
@@ -15,15 +14,12 @@ STARTS = 3
 MAX_CHARACTERS = 200
 
 
-def in_process(
-    script: str, task: Any, seconds: float, more: dict[str, str] | None = None
-) -> dict[str, Any]:
-    """Runs `script --worker TASK` with `more` variables of the environment; returns its last line,
-    read as JSON, or {"failure": message} if it fails or takes longer than `seconds`."""
+def in_process(script: str, task: Any, seconds: float) -> dict[str, Any]:
+    """Runs `script --worker TASK`; returns its last line, read as JSON, or {"failure": message} if
+    it fails or takes longer than `seconds`."""
     command = [sys.executable, str(Path(script).resolve()), "--worker", json.dumps(task)]
-    options = {"capture_output": True, "text": True, "env": {**os.environ, **(more or {})}}
     try:
-        done = subprocess.run(command, timeout=seconds, **options)
+        done = subprocess.run(command, timeout=seconds, capture_output=True, text=True)
     except subprocess.TimeoutExpired:
         return {"failure": f"longer than {seconds:g} s"}
     lines = (done.stdout if done.returncode == 0 else done.stderr).strip().splitlines()

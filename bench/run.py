@@ -40,12 +40,11 @@ def measure(name: str, only, case: str, starts, resume: bool, arch: str, threads
     known, keys = rows.read(path), {tuple(map(str, task)) for task in requested}
     if not resume:
         known = [row for row in known if tables.key(row) not in keys]
-    done = {tables.key(row) for row in known if not row.get("failure")}
+    done = {tables.key(row) for row in known if not row.get("failure") and not bench.stale(row)}
     for task in tqdm([t for t in requested if tuple(map(str, t)) not in done], unit="run"):
         own = dict(zip(tables.KEYS, task, strict=True))
         known = [row for row in known if tables.key(row) != tables.key(own)]
-        more = bench.tables[task[0]].environment
-        found = rows.in_process(__file__, (name, *task, arch, threads), MAX_SECONDS, more)
+        found = rows.in_process(__file__, (name, *task, arch, threads), MAX_SECONDS)
         if "failure" in found:
             click.echo(f"{', '.join(map(str, task))}: {found['failure']}", err=True)
         each = found.pop("rows", [{}])
@@ -66,7 +65,7 @@ def measure(name: str, only, case: str, starts, resume: bool, arch: str, threads
 def main(names, only, case, starts, resume, draw, arch, threads, worker) -> None:
     """Measure the benches NAMES (default: all) and write bench/results/NAME.{csv,md}."""
     if worker:
-        print(json.dumps(work(*json.loads(worker)), default=float))
+        print(json.dumps(work(*json.loads(worker)), default=float), flush=True)
         return
     for name in names or tables.MODULES:
         if not draw:

@@ -10,14 +10,11 @@ import statistics
 import time
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 
-import matplotlib
 import numpy as np
 import taichi as ti
 
 from bench import rows, tanks
-from bench.report import RESULTS
 from bench.tables import Bench, Table, markdown
 from msph.fluid.adaptivity.bands import AdaptationParameters, bands
 from msph.fluid.external_forces import ExternalForces
@@ -27,9 +24,6 @@ from msph.fluid.simulation import WORD, Simulation, footprint
 from msph.measure.kernel_density import kernel_density
 from msph.measure.timings import peak_memory
 from msph.scene.schema import Scene
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 
 UNIFORM, LAYERED = "uniform", "layered"
 # Pools: the thesis's finest spacing [m], and depth of its smaller pool, filled by 2650 particles of
@@ -277,7 +271,7 @@ def slope(x: list[float], y: list[float]) -> float:
     return float(np.polyfit(*np.log(np.array(points)).T, 1)[0]) if len(points) > 1 else math.nan
 
 
-# Quantities of the figure and of the table of slopes.
+# Quantities of the table of slopes.
 QUANTITIES = ("ms per frame", "us per particle and step", "bytes per particle", "process MiB")
 
 
@@ -294,33 +288,14 @@ def series(known: list[dict], quantity: str) -> dict[str, tuple[list[float], lis
 
 
 def slopes(known: list[dict]) -> list[str]:
-    """Returns the table of exponents over the fine-equivalent number of particles, and the
-    figure."""
+    """Returns the table of exponents over the fine-equivalent number of particles."""
     lines: dict[str, dict[str, str]] = {}
     for quantity in QUANTITIES:
         for name, points in series(known, quantity).items():
             line = lines.setdefault(name, {"water": name})
             line[quantity] = f"{slope(*points):.2f}"
-    if lines:
-        draw(known, RESULTS / "scale.png")
     title = f"## Exponents over the fine-equivalent number, from {FIT_FROM:,} particles\n"
-    return [title, markdown(list(lines.values())), "\n![Cost and memory](scale.png)"]
-
-
-def draw(known: list[dict], path: Path) -> None:
-    """Draws each quantity over the fine-equivalent number of particles, both logarithmic."""
-    figure, axes = plt.subplots(2, 2, figsize=(10, 8), layout="constrained")
-    for ax, quantity in zip(axes.flat, QUANTITIES, strict=True):
-        for name, (x, y) in series(known, quantity).items():
-            ax.loglog(x, y, "o-", label=f"{name}: slope {slope(x, y):.2f}")
-        if quantity == "bytes per particle":
-            ax.axhline(TARGET_BYTES, color="0.5", linestyle="--", label=f"target {TARGET_BYTES}")
-        ax.set_xlabel("fine-equivalent particles")
-        ax.set_ylabel(quantity)
-        ax.grid(True, which="both", alpha=0.3)
-        ax.legend(fontsize="small")
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+    return [title, markdown(list(lines.values()))]
 
 
 SCALE_FORMS = {

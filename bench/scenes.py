@@ -37,10 +37,6 @@ SECONDS = 2.0
 PLAYED, PLAYED_QUALITY = 8.0, "auto"
 # Quality of the reference run, simulated time of a run and length of its slowest part [s].
 REFERENCE, RUN, WINDOW = Quality(2.0 ** (-2.0 / 3.0), 0.01), 4.0, 0.5
-# Settings that are compared at three qualities, in a dam break, a rocking pool and a splash:
-# supports over spacing and motion tolerances.
-SMOOTHINGS, TOLERANCES = (2.0, 2.2, 2.45), (0.01, 0.03, 0.05)
-TRIED_ON, TRIED_AT = ("dam_break", "pool", "drop"), ("small", "medium", "large")
 # Image size of a scene that is visited [pixels]: the default of the window.
 SIZE = (960, 540)
 # Comparison of devices: simulated time [s], and quality of scenes that have several.
@@ -157,16 +153,11 @@ def starts(seed: int) -> dict[str, float]:
     }
 
 
-def run(name: str, quality: Quality, smoothing: float | None = None) -> dict[str, Any]:
-    """Runs a scene; smoothing: support over spacing, None for the scene's own.
-
-    Returns centres of mass (frames, 3) [m], energies [J], CPU and elapsed time of each frame [s],
-    the largest number of particles, the depth of the water at rest [m] and its weight [N].
-    """
+def run(name: str, quality: Quality) -> dict[str, Any]:
+    """Runs a scene; returns centres of mass (frames, 3) [m], energies [J], CPU and elapsed time of
+    each frame [s], the largest number of particles, the depth of the water at rest [m] and its
+    weight [N]."""
     scene = scaled(load_scene(name), quality)
-    if smoothing:
-        layers = [layer.model_copy(update={"smoothing": smoothing}) for layer in scene.layers]
-        scene = scene.model_copy(update={"layers": layers})
     show = Show(scene, FRAME, timings=Timings(), density_every=math.inf)
     show.warm_up()
     cpu, counts = [], []
@@ -210,16 +201,6 @@ def qualities(name: str, seed: int) -> list[dict[str, Any]]:
     """Returns a row for each quality of a scene."""
     reference = run(name, REFERENCE)
     return [{"quality": q, **judged(run(name, given), reference)} for q, given in LADDER.items()]
-
-
-def settings(name: str, seed: int) -> list[dict[str, Any]]:
-    """Returns a row for each support and tolerance, at three qualities of a scene."""
-    reference, found = run(name, REFERENCE), []
-    for quality, support, tolerance in itertools.product(TRIED_AT, SMOOTHINGS, TOLERANCES):
-        done = run(name, Quality(LADDER[quality].spacing, tolerance), support)
-        tried = {"quality": quality, "support": f"{support:g}", "tolerance": f"{tolerance:g}"}
-        found.append({**tried, **judged(done, reference)})
-    return found
 
 
 def keep(known: list[dict]) -> list[str]:
@@ -370,19 +351,6 @@ BENCHES = {
             )
         },
         keep,
-    ),
-    "quality_settings": Bench(
-        "Supports and tolerances of the qualities",
-        COSTS,
-        {
-            "settings": Table(
-                f"{RUN:g} s of each scene",
-                ("scene",),
-                {(name,): partial(settings, name) for name in TRIED_ON},
-                COST_FORMS,
-                starts=1,
-            )
-        },
     ),
     "visits": Bench(
         "Changing the scene in one process",

@@ -5,23 +5,11 @@ laptop of 2008 with one step per frame of unknown length, so only ratios between
 compared, not frames per second.
 """
 
-import subprocess
-import sys
-import tempfile
-import time
 from functools import partial
-from pathlib import Path
 
-import matplotlib
-
-from bench.report import RESULTS
 from bench.tables import Bench, Table, markdown
-from msph.device import start
 from msph.scene import load_scene
 from msph.stage.benchmark import benchmark
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 
 # Gokdogan 2008, table 5.1: particles, frames/s, frames/s without rendering.
 THESIS = {
@@ -77,18 +65,6 @@ def system_3(angle: tuple[str, ...], seed: int) -> dict[str, float]:
     return measured("pool_2x", ("variant=system-3", f"seed={seed}", *angle), RUN)
 
 
-def first_frame(seed: int) -> dict[str, float]:
-    """Returns the elapsed time [s] of a process that renders one frame, with cached kernels."""
-    with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "msph", "capture", "pool_2x", "--arch", start()]
-        command += ["--set", "variant=system-3", "--seconds", "0.01", "--size", "640x360"]
-        for _ in range(2):
-            begin = time.perf_counter()
-            path = f"{folder}/{begin}.png"
-            subprocess.run([*command, "-o", path], check=True, capture_output=True)
-        return {"start to first frame, s": time.perf_counter() - begin}
-
-
 def against_thesis(known: list[dict]) -> list[str]:
     """Returns the ratios between the systems beside the thesis's, and its claims."""
     results: Systems = {}
@@ -99,11 +75,9 @@ def against_thesis(known: list[dict]) -> list[str]:
             results[pool, int(name[0])] = figures
     if set(results) != set(THESIS):
         return []
-    plot(results, RESULTS / "table_5_1.png")
     lines = [row_of(key, results) for key in results]
     text = ["## Ratios to system 1, in brackets the thesis's\n", markdown(lines)]
-    text += ["\n## Claims of the thesis\n", *verdicts(results)]
-    return [*text, "\n![speed and error](table_5_1.png)"]
+    return [*text, "\n## Claims of the thesis\n", *verdicts(results)]
 
 
 def row_of(key: tuple[str, int], results: Systems) -> dict[str, str]:
@@ -180,40 +154,6 @@ def verdicts(results: Systems) -> list[str]:
     return lines
 
 
-def plot(results: Systems, path: Path) -> None:
-    """Plots speeds over system 1, ours and the thesis's, and errors."""
-    keys = list(results)
-    names = [f"{pool}\nsystem {system}" for pool, system in keys]
-    figure, (speed, error) = plt.subplots(1, 2, figsize=(12, 4.5))
-    base = {pool: results[pool, 1]["steps/s"] for pool, _ in keys}
-    ours = [results[k]["steps/s"] / base[k[0]] for k in keys]
-    theirs = [THESIS[k][2] / THESIS[k[0], 1][2] for k in keys]
-    x = range(len(keys))
-    speed.bar([i - 0.2 for i in x], ours, 0.4, label="here")
-    speed.bar([i + 0.2 for i in x], theirs, 0.4, label="thesis, 2008")
-    speed.set_title("steps per second without rendering, over system 1")
-    error.bar(
-        [i - 0.2 for i in x],
-        [-100 * results[k]["volume error"] for k in keys],
-        0.4,
-        label="volume lost, %",
-    )
-    error.bar(
-        [i + 0.2 for i in x],
-        [100 * results[k]["solver residual, mean"] for k in keys],
-        0.4,
-        label="mean solver residual, %",
-    )
-    error.set_title("errors")
-    for axis in (speed, error):
-        axis.set_xticks(list(x), names, fontsize=8)
-        axis.legend(loc="upper left", bbox_to_anchor=(0.0, 1.0), framealpha=1.0)
-        axis.margins(y=0.25)
-        axis.spines[["top", "right"]].set_visible(False)
-    figure.tight_layout()
-    figure.savefig(path, dpi=110)
-
-
 FORMS = {
     "particles": ",.0f",
     "frames/s": ".0f",
@@ -259,14 +199,6 @@ BENCHES = {
                     "mean of the run": ">= 60",
                     "surface and image, ms": "<= 12",
                 },
-                across=True,
-            ),
-            "start": Table(
-                "System 3 from the start of the process to its first frame, with cached kernels",
-                (),
-                {("measured",): first_frame},
-                {"start to first frame, s": ".1f"},
-                {"start to first frame, s": "<= 5"},
                 across=True,
             ),
         },

@@ -13,6 +13,7 @@ from bench.report import RESULTS
 
 # Modules of the benches, by name.
 MODULES = {
+    "pareto": "bench.pareto",
     "accuracy": "bench.accuracy",
     "friction": "bench.friction",
     "boundaries": "bench.boundaries",
@@ -27,9 +28,7 @@ MODULES = {
     "terms": "bench.terms",
     "constants": "bench.constants",
     "table_5_1": "bench.table_5_1",
-    **dict.fromkeys(
-        ("scenes", "play", "quality", "quality_settings", "visits", "vulkan"), "bench.scenes"
-    ),
+    **dict.fromkeys(("scenes", "play", "quality", "visits", "vulkan"), "bench.scenes"),
     "peers": "bench.peer_surfaces",
 }
 # First cells of a row, as one text.
@@ -52,8 +51,7 @@ class Table:
     cells of its row; it returns figures by name, or a list of them with further first cells, one
     for each row. forms: formats of the figures, such as ".1%"; other values are cells of their own.
     targets: of figures, in words. across: figures are rows and cases are columns. starts: number of
-    random initial arrangements. arch: device, "" for the requested one. environment: variables of
-    the process.
+    random initial arrangements. arch: device, "" for the requested one.
     """
 
     title: str
@@ -64,17 +62,20 @@ class Table:
     across: bool = False
     starts: int = rows.STARTS
     arch: str = ""
-    environment: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Bench:
-    """Tables that share a report. conclude(rows) returns further Markdown, computed from rows."""
+    """Tables that share a report. conclude(rows) returns further Markdown, computed from rows;
+    stale(row): True for a row that --resume measures again; write(rows) writes and returns a report
+    of another form."""
 
     title: str
     note: str
     tables: dict[str, Table]
     conclude: Callable[[list[dict]], list[str]] = lambda known: []
+    stale: Callable[[dict], bool] = lambda row: False
+    write: Callable[[list[dict]], str] | None = None
 
 
 def bench_of(name: str) -> Bench:
@@ -166,6 +167,8 @@ def stored(path: Path) -> dict[str, str]:
 def report(name: str, bench: Bench, known: list[dict]) -> str:
     """Writes and returns the report of the rows. Sections of the old report that are not measured
     again, with all cases, are kept, so that no figure is lost."""
+    if bench.write:
+        return bench.write(known)
     path = RESULTS / f"{name}.md"
     text, old = [f"# {bench.title}\n", f"`python bench/run.py {name}`\n", bench.note], stored(path)
     for table, its in bench.tables.items():

@@ -19,7 +19,6 @@ DUCT_MODES = 40
 # Heights of a duct's column of water at the start, and of the duct, in edges.
 DUCT_WATER, DUCT_TOP = (3.0, 6.5), 7.0
 FRAME = 1.0 / 60.0
-Forces = ExternalForces | MovingBox
 # Number of horizontal slices of a depth profile, and positions of the probes in each slice, (x, z)
 # over the footprint.
 SLICES = 12
@@ -44,18 +43,8 @@ def tank(
     of the random initial displacements of `jitter` spacings.
     """
     x, z = footprint
-    mass = 1000.0 * finest**3
-    body = {"layer": layers - 1, "lo": [0, 0, 0], "hi": [x, depth, z], "jitter": jitter}
-    return Scene.model_validate(
-        {
-            "method": "projection",
-            "seed": seed,
-            "box": {"size": [x, depth + air, z]},
-            "layers": [{"mass": mass * 2**k} for k in range(layers)],
-            "water": [body],
-            "adaptation": {"enabled": layers > 1, **adaptation},
-        }
-    )
+    water = {"lo": [0, 0, 0], "hi": [x, depth, z], "jitter": jitter}
+    return _scene([x, depth + air, z], finest, layers, water, adaptation, seed=seed)
 
 
 def duct(
@@ -66,18 +55,23 @@ def duct(
 
     spacings: finest spacings across the duct; viscosity [Pa s]; other arguments as for tank().
     """
-    mass = 1000.0 * (edge / spacings) ** 3
     bottom, top = (height * edge for height in DUCT_WATER)
-    lo, hi = [0, bottom, 0], [edge, top, edge]
+    water = {"lo": [0, bottom, 0], "hi": [edge, top, edge], "jitter": 0.02}
+    size, terms = [edge, DUCT_TOP * edge, edge], {"viscosity": viscosity, "slip": False}
+    finest = edge / spacings
+    return _scene(size, finest, layers, water, adaptation, seed=seed, projection=terms)
+
+
+def _scene(size, finest: float, layers: int, water: dict, adaptation: dict, **more) -> Scene:
+    """Returns the scene of a box with water of the coarsest of its layers."""
     return Scene.model_validate(
         {
             "method": "projection",
-            "seed": seed,
-            "box": {"size": [edge, DUCT_TOP * edge, edge]},
-            "projection": {"viscosity": viscosity, "slip": False},
-            "layers": [{"mass": mass * 2**k} for k in range(layers)],
-            "water": [{"layer": layers - 1, "lo": lo, "hi": hi, "jitter": 0.02}],
+            "box": {"size": size},
+            "layers": [{"mass": 1000.0 * finest**3 * 2**k} for k in range(layers)],
+            "water": [{"layer": layers - 1, **water}],
             "adaptation": {"enabled": layers > 1, **adaptation},
+            **more,
         }
     )
 
@@ -220,7 +214,9 @@ def run(source: Water | Simulation, seconds: float, *readings: Reading | Profile
 def recorded(
     sim: Simulation,
     seconds: float,
-    forces: Callable[[float], Forces] = lambda time: ExternalForces((0.0, -GRAVITY, 0.0)),
+    forces: Callable[[float], ExternalForces | MovingBox] = lambda time: ExternalForces(
+        (0.0, -GRAVITY, 0.0)
+    ),
     read: Callable[[], None] = lambda: None,
     frame: float = FRAME,
 ) -> Ledger:
@@ -264,11 +260,6 @@ def slosh_period(length: float, depth: float) -> float:
     """Returns the period [s] of the first mode: omega^2 = g k tanh(k H), k = pi/L."""
     k = math.pi / length
     return 2.0 * math.pi / math.sqrt(GRAVITY * k * math.tanh(k * depth))
-
-
-def fitted_period(times: list[float], values: np.ndarray, guess: float) -> float:
-    """Returns the period [s] of the damped cosine that fits best."""
-    return fitted_wave(times, values, guess)[1]
 
 
 def fitted_wave(times: list[float], values: np.ndarray, guess: float) -> tuple[float, float]:

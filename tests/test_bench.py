@@ -13,7 +13,6 @@ from bench import (
     floating,
     heave_theory,
     impact,
-    parts,
     peer_splishsplash,
     peer_surfaces,
     rows,
@@ -21,15 +20,6 @@ from bench import (
     scale,
     tables,
 )
-from bench.methods import solve
-
-
-def test_conjugate_gradients_take_fewer_iterations_than_jacobi() -> None:
-    """Conjugate gradients need fewer iterations than Jacobi for the same error in water 12 spacings
-    deep, with the initial guess 0 and with the pressures of the last step."""
-    found = [solve(layers=1, warm_start=warm, start=0, depth=12) for warm in (False, True)]
-    for row in found:
-        assert row["conjugate gradients: iterations"] < row["Jacobi: iterations"]
 
 
 def test_peers_that_are_missing_are_named(monkeypatch) -> None:
@@ -136,7 +126,7 @@ def test_runs_are_resumed_and_failures_repeated(tmp_path, monkeypatch):
     failed run is a row that --resume repeats."""
     ran = []
 
-    def fake(script, task, seconds, more):
+    def fake(script, task, seconds):
         ran.append(task[1:4])
         return {"failure": "no room"} if task[2] == "b" else {"rows": [{"speed": 1.0}]}
 
@@ -173,19 +163,6 @@ def test_slopes_and_layers_of_scale() -> None:
     assert scale.scene_of(scale.LAYERED, 100).adaptation.capacity < 1_000_000 / 4
 
 
-def test_disabled_parts_launch_no_kernels(monkeypatch) -> None:
-    """A part launches no kernels of its own while disabled, and at least one per frame while
-    enabled."""
-    monkeypatch.setattr(parts, "UNTIMED", 0)
-    monkeypatch.setattr(parts, "FRAMES", 2)
-    monkeypatch.setattr(parts, "SPACING", 0.05)
-    (tension,) = (part for part in parts.CASES if part.name == "tension")
-    row = parts.measured(tension, 0)
-    assert row["own kernels, off"] == row["own launches per frame, off"] == 0
-    assert row["own kernels, on"] > 0 and row["own launches per frame, on"] >= 1.0
-    assert row["error without it after 0.5 s"].endswith("% of the depth")
-
-
 @pytest.mark.parametrize("drop", floating.KRAMER)
 def test_potential_flow_has_the_measured_periods_of_heave(drop) -> None:
     """Regression: the time of the second crest, 2 % shorter by theory, was compared with measured
@@ -204,24 +181,6 @@ def test_images_fill_a_plane_body_exactly_and_a_ball_nearly() -> None:
     assert abs(displaced_volume.force_error(4.0, convex=0.0)) < 3e-4
     near, far = (displaced_volume.force_error(4.0, first=first) for first in (0.4, 0.6))
     assert 0.005 < near - far < 0.008
-
-
-def test_longer_averaging_times_lower_impact_pressures(monkeypatch) -> None:
-    """The highest reading falls with the averaging time, and pressure and impulse fall with height.
-
-    The front is slower than Ritter's bound 2 sqrt(g H), H = 0.7 m, whose stagnation pressure is
-    13.7 kPa. Regression: means began with the first wet reading, so those at the impact were of few
-    readings, up to 19.5 kPa.
-    """
-    monkeypatch.setattr(impact, "SECONDS", 0.6)
-    found = impact.run(1.26, 0.004, 0)
-    short, long = map(impact.mean_over, impact.WINDOWS)
-    for row in found:
-        assert row["highest reading, kPa"] >= row[short] >= row[long] > 0.0
-    foot, _, top = (row[long] for row in found)
-    assert 3.0 * top < foot < 0.5 * 4.0 * 9.81 * 0.7
-    impulses = [row["impulse, kPa s"] for row in found]
-    assert impulses == sorted(impulses, reverse=True)
 
 
 @pytest.mark.parametrize(("window", "mean"), [(1.0, 4.0), (2.0, 4.0), (2.5, 3.2), (8.0, 1.0)])

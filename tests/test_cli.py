@@ -93,13 +93,6 @@ def test_bad_input_gives_one_line_and_exit_code_2(arguments, message):
     check_refusal(here(*arguments), message)
 
 
-def test_bad_input_gives_one_line_and_exit_code_2_in_a_shell():
-    """`python -m msph` reports bad input in one line, and its process exits with status 2."""
-    command = [sys.executable, "-m", "msph", "capture", "no_such_scene"]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    check_refusal(result, "no such scene file or shipped scene")
-
-
 def test_an_unexpected_error_gives_one_line_and_a_report(tmp_path, monkeypatch):
     monkeypatch.setattr("msph.ending.user_cache.file", lambda: tmp_path / "cache" / "measured.json")
     monkeypatch.setattr("msph.stage.commands.scenes", lambda **_: {}["a key\nthat is missing"])
@@ -335,22 +328,6 @@ def test_initial_and_specified_mass_are_both_given_if_they_differ():
     assert mass_text({"mass_laid_kg": 28.8001, "mass_asked_kg": 28.8}) == "28.8 kg"
     told = mass_text({"mass_laid_kg": 28.9, "mass_asked_kg": 28.8})
     assert told == "28.9 kg of 28.8 kg specified"
-
-
-def test_trapped_water_fails_the_run_with_one_line(tmp_path):
-    piston = """
-[[bodies]]
-lo = [0, 0.2, 0]
-hi = [0.4, 0.38, 0.4]
-velocity = [0, -2, 0]
-"""
-    scene = write(tmp_path, TEXT.replace("[classic]\nviscosity = 10.0\n", "") + piston)
-    out = tmp_path / "out"
-    result = here("measure", scene, "-o", out, "--seconds", 0.5, "--set", "method=projection")
-    assert result.returncode == 1 and "Traceback" not in result.stderr
-    last = result.stderr.strip().splitlines()[-1]
-    assert last.startswith("msph: bodies.0 compresses water that cannot flow away at t = ")
-    assert json.loads((out / "summary.json").read_text())["failure"] in last
 
 
 def test_help_needs_no_taichi():

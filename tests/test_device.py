@@ -70,18 +70,7 @@ def test_a_lock_that_a_killed_process_left_is_removed(tmp_path):
     assert not lock.exists()
 
 
-def test_the_cache_folder_follows_taichis_environment_variable(tmp_path):
-    """A start removes a stale lock in the folder that Taichi's variable names, and caches there."""
-    (tmp_path / device.LOCK).touch()
-    os.utime(tmp_path / device.LOCK, (0.0, 0.0))
-    script = "import taichi as ti\nfrom msph import device\ndevice.start('cpu')\n"
-    script += "ti.field(ti.f32, 4).fill(1.0)\n"
-    cache = {**os.environ, "TI_OFFLINE_CACHE_FILE_PATH": str(tmp_path)}
-    subprocess.run([sys.executable, "-c", script], check=True, env=cache, capture_output=True)
-    assert not (tmp_path / device.LOCK).exists()
-    assert list(tmp_path.glob("*.tic"))
-
-
+# Starts after the imports of the program's commands, and compiles a kernel.
 STARTED = """
 import msph.stage.commands
 from msph.device import start
@@ -96,19 +85,21 @@ number()
 """
 
 
-def test_compiled_kernels_are_cached_for_the_next_start(tmp_path):
-    """A process that ends leaves its compiled kernels in the cache.
+def test_compiled_kernels_are_cached_in_the_folder_of_taichis_environment_variable(tmp_path):
+    """A process removes a stale lock in the folder and leaves its compiled kernels there.
 
     Regression: depending on the order in which Python removed modules at exit, Taichi did not shut
     down, and every start compiled all kernels.
     """
+    (tmp_path / device.LOCK).touch()
+    os.utime(tmp_path / device.LOCK, (0.0, 0.0))
     (tmp_path / "started.py").write_text(STARTED)
-    cache = tmp_path / "cache"
-    environment = {**os.environ, "TI_OFFLINE_CACHE_FILE_PATH": str(cache)}
+    environment = {**os.environ, "TI_OFFLINE_CACHE_FILE_PATH": str(tmp_path)}
     environment["PYTHONPATH"] = os.getcwd()
     command = [sys.executable, str(tmp_path / "started.py")]
     subprocess.run(command, env=environment, check=True, capture_output=True)
-    assert list(cache.glob("*.tic"))
+    assert not (tmp_path / device.LOCK).exists()
+    assert list(tmp_path.glob("*.tic"))
 
 
 def test_auto_selects_the_cpu_on_macos(monkeypatch):

@@ -1,6 +1,5 @@
 """Cases of the sweep: simulations with a reference from a formula, an experiment or a finer run."""
 
-import dataclasses
 import math
 import resource
 import sys
@@ -13,7 +12,6 @@ import psutil
 
 from bench import tanks
 from bench.peer_splishsplash import Dfsph
-from bench.rows import STARTS
 from bench.water import Ours, Water
 from msph.fluid.simulation import Simulation
 from msph.measure.kernel_density import kernel_density
@@ -189,8 +187,7 @@ class Case:
     values: tuple[str, ...] = ()
     # Changes of the setting with which every resolution runs, too.
     varied: tuple[dict[str, float], ...] = ()
-    # Errors in the summary figure; without one, the settings of the solver are not varied, and a
-    # quick sweep makes a single run.
+    # Errors in the summary figure; without one, the settings of the solver are not varied.
     summary: tuple[str, ...] = ()
     # Note for the reader about the main error.
     note: str = ""
@@ -202,23 +199,11 @@ class Case:
         """Name of the main error, which is plotted."""
         return next(iter(self.errors))
 
-    def settings(self, quick: bool) -> list[Setting]:
-        """Returns the settings of the sweep: all settings with the first start, coarsest first,
-        then all with the next start."""
-        starts = range(1 if quick else STARTS)
-        found = sorted(self._settings(quick), key=lambda s: s.resolution)
-        return [dataclasses.replace(s, start=k) for k in starts for s in found]
-
-    def _settings(self, quick: bool) -> list[Setting]:
-        richest = self.kinds[-1]
-        if quick and not self.summary:
-            return [Setting(water=richest, resolution=self.resolutions[0])]
-        resolutions = self.resolutions[:2] if quick else self.resolutions
+    def settings(self) -> list[Setting]:
+        """Returns the settings of the sweep, coarsest first."""
+        resolutions, richest = self.resolutions, self.kinds[-1]
         found = [Setting(water=w, resolution=n) for n in resolutions for w in self.kinds]
-        coarse = resolutions[: 1 if quick else 2]
-        found += [Setting("classic", w, n) for n in coarse for w in self.classic]
-        if quick:
-            return [s for s in found if s.water != FIXED]
+        found += [Setting("classic", w, n) for n in resolutions[:2] for w in self.classic]
         middle = resolutions[len(resolutions) // 2]
         kinds = tuple(dict.fromkeys((self.kinds[0], richest)))
         for change in CHANGES if self.summary else ():
@@ -230,7 +215,8 @@ class Case:
             found += [Setting(DFSPH, UNIFORM, middle, **change) for change in PEER_CHANGES]
         for change in self.varied:
             found += [Setting(water=w, resolution=n, **change) for n in resolutions for w in kinds]
-        return found + [Setting(resolution=n, timed=False) for n in self.references]
+        found += [Setting(resolution=n, timed=False) for n in self.references]
+        return sorted(found, key=lambda s: s.resolution)
 
 
 # Share of the velocities that a frame of 1/60 s leaves after stirring (-): about the critical

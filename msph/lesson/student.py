@@ -41,12 +41,11 @@ class Student:
         self.progress.answer(self.progress.lesson.predict.answer)
         self.progress.go(1)
 
-    def work(self, acts: bool = True) -> bool:
-        """Runs the page's task for the time of its solution, with its actions if `acts`; returns
-        True if the task was completed."""
+    def work(self) -> bool:
+        """Carries out the solution of the page's task; returns True if the task was completed."""
         progress, task = self.progress, self.progress.task
         assert task is not None
-        solution = task.solution if acts else Solution(seconds=task.solution.seconds)
+        solution = task.solution
         begin = dict(progress.values)
         camera = self._view()
         number = max(2, round(solution.seconds / FRAME))

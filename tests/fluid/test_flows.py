@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from bench import tanks
-from bench.terms import amplitude, set_velocity, vortex
+from bench.cases.vortex import amplitude, vortex
+from bench.water import Ours
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.solver import Projection
 from msph.measure.probes import FrontProbe
 from msph.measure.snapshot import Snapshot
 from msph.scene.library import assets
 from tests.fluid.fluid_kit import (
-    FRAME,
     advance,
     energies,
     lattice,
@@ -54,26 +54,9 @@ def stirred():
 def start_vortex(sim):
     """Sets the velocities to a Taylor-Green vortex of 1 m/s about the vertical and returns its
     amplitude [m/s]."""
-    set_velocity(sim, vortex(sim.particles.numpy("x").astype(float)))
-    return amplitude(sim)
-
-
-def test_viscous_vortex_decays_at_the_rate_of_its_viscosity(stirred):
-    """The amplitude after 0.1 s, exp(-nu (kx^2 + kz^2) t) with k = pi/L, about half the initial
-    one, is right to 10 % (measured: 6 % too small).
-
-    With nu = 0.3 m^2/s the decay is fast compared with numerical friction under gravity, which
-    takes a larger share of the speed the slower the water is.
-    """
-    nu, steps = 0.3, 24
-    x = stirred.particles.numpy("x").astype(float)
-    sim = water(x, 1.0 / CELLS, TANK, viscosity=1000.0 * nu)
-    # The first frame provides initial pressures; without them the water would fall.
-    advance(sim, 1)
-    start, begin = start_vortex(sim), sim.time
-    advance(sim, steps, frame=0.25 * FRAME)
-    left = np.exp(-2.0 * np.pi**2 * nu * (sim.time - begin))
-    assert amplitude(sim) / start == pytest.approx(left, rel=0.1)
+    water = Ours(sim)
+    water.set_velocities(vortex(water.positions()))
+    return amplitude(water)
 
 
 @pytest.mark.parametrize(("layers", "limit"), [(1, 0.04), (2, 0.06)])
@@ -104,24 +87,7 @@ def test_inviscid_vortex_keeps_its_energy(stirred):
         found.append((energies(stirred) - first).sum() / first[0])
     assert max(found) < 0.03
     assert -0.08 < found[-1] < 0.0
-    assert amplitude(stirred) > 0.92 * start
-
-
-def test_sloshing_has_the_period_of_linear_theory():
-    """Water 15 spacings deep sloshes with omega^2 = g k tanh(k H), k = pi/L, over two periods."""
-    length, depth, d = 1.0, 0.5, 1.0 / 30.0
-    sim = tanks.build(tanks.tank((length, 6 * d), depth, d, layers=1))
-    tanks.run(sim, 0.5)
-    tanks.slosh(sim, depth, 0.03 * depth)
-    theory = tanks.slosh_period(length, depth)
-
-    times, centres = [], []
-    for k in range(round(2.0 * theory / FRAME)):
-        tanks.run(sim, FRAME)
-        times.append((k + 1) * FRAME)
-        centres.append(sim.particles.numpy("x")[:, 0].mean(dtype=float))
-    assert np.ptp(centres) > 0.005 * length
-    assert tanks.fitted_period(times, np.array(centres), theory) == pytest.approx(theory, rel=0.02)
+    assert amplitude(Ours(stirred)) > 0.92 * start
 
 
 # Delay of the water by the gate of the experiment, in units of T; 0.1 to 0.2 are likely.

@@ -20,16 +20,11 @@ from tests.fluid.fluid_kit import (
 )
 
 
-@pytest.fixture(scope="module")
-def balls():
-    return colliding_balls()
-
-
 @pytest.fixture
-def collision(balls):
-    """Returns the balls at their start."""
-    balls.reset()
-    return balls
+def collision():
+    sim = colliding_balls()
+    yield sim
+    sim.close()
 
 
 def test_crowds_are_crowded_particles_and_their_neighbours(collision):

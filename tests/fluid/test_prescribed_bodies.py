@@ -245,7 +245,7 @@ def water(lo, hi):
     return block_of(np.array(hi) - lo, D, jitter=0.02, corner=lo)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def shaken():
     """Returns a half full, ball-shaped container with a swinging ball in it."""
     bodies = [

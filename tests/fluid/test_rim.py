@@ -24,13 +24,13 @@ SIZE, SPACING = (0.4, 0.3, 0.4), 0.04
 TILTED = ExternalForces((6.3, -7.5, 0.0))
 
 
-def plan(height: float, open_top: bool = True, method=ProjectionParameters, **initial) -> Plan:
-    """Returns the plan of a box with water of `height` [m]."""
+def plan(height: float, method=ProjectionParameters, **initial) -> Plan:
+    """Returns the plan of an open box with water of `height` [m]."""
     x = block_of((0.4, height, 0.4), SPACING).astype(np.float32)
     start = {"x": x, "v": np.zeros_like(x), "layer": np.zeros(len(x), np.int32), **initial}
     smoothing = 2.45 if method is ProjectionParameters else 1.6
     layers = [LayerSpec(1000.0 * SPACING**3, 1000.0, smoothing, viscosity=5.0)]
-    return Plan(SIZE, layers, start, method(), open_top=open_top)
+    return Plan(SIZE, layers, start, method(), open_top=True)
 
 
 def run(sim: Simulation, frames: int, gravity=TILTED.gravity) -> Ledger:
@@ -64,14 +64,10 @@ def test_a_tilted_box_spills_and_loses_no_mass(simulate, method):
     x, ids = sim.particles.numpy("x"), sim.particles.numpy("id")
     assert np.all(x[:, [0, 2]] > 0.0) and np.all(x[:, [0, 2]] < 0.4)
     assert len(np.unique(ids)) == sim.particles.count
-
-
-def test_a_lid_keeps_the_water(simulate):
-    sim = simulate(plan(0.24, open_top=False))
-    ledger = run(sim, 20)
-    assert ledger.entries[-1].spilt == 0.0
-    assert sim.particles.count == len(sim.initial["x"])
-    assert sim.particles.numpy("x")[:, 1].max() < SIZE[1]
+    if method is ProjectionParameters:
+        # The energy in the box plus the spilt energy hardly rises, and falls in total.
+        assert last.spilt_energy != 0.0 and ledger.energy_gain() < 2e-3
+        assert last.energy < first.energy
 
 
 def test_water_rises_above_the_rim_and_falls_back(simulate):
@@ -88,15 +84,6 @@ def test_water_rises_above_the_rim_and_falls_back(simulate):
     assert max(tops) > SIZE[1] + 0.05
     assert tops[-1] < SIZE[1]
     assert sim.rim.mass < 0.2 * len(v) * 1000.0 * SPACING**3
-
-
-def test_energy_leaves_with_the_water(simulate):
-    """The energy in the box plus the spilt energy rises by less than 0.2 % and falls in total."""
-    ledger = run(simulate(plan(0.24)), 30)
-    assert ledger.entries[-1].spilt_energy != 0.0
-    assert ledger.energy_gain() < 2e-3
-    kept = [e.energy for e in ledger.entries]
-    assert kept[-1] < kept[0]
 
 
 def test_momentum_leaves_with_the_water(simulate):

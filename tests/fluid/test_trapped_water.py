@@ -49,9 +49,8 @@ def advance(simulation, frames):
         simulation.advance(1 / 60, ExternalForces((0.0, -9.81, 0.0)))
 
 
-@pytest.mark.parametrize("motion", MOTIONS)
-def test_piston_without_a_gap_is_reported_by_name(tmp_path, motion):
-    sim = build_simulation(load(tmp_path, *MOTIONS[motion]))
+def test_piston_without_a_gap_is_reported_by_name(tmp_path):
+    sim = build_simulation(load(tmp_path, *MOTIONS["fast"]))
     with pytest.raises(TrappedWaterError, match=r"bodies\.1 compresses water that cannot flow"):
         advance(sim, 120)
 

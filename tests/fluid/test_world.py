@@ -11,15 +11,19 @@ from msph.options import QUALITIES
 from msph.scene import build_simulation, load_scene
 from msph.scene.build import plan_of
 from msph.scene.library import shipped_scenes
-from msph.scene.quality import at_quality
+from msph.scene.quality import at_quality, single_quality_reason
 from msph.taichi_internals import PLAIN
 
 FRAME = 1.0 / 60.0
 
 
 def run(name, *overrides, frames=2):
-    """Returns all carried attributes after some frames of a scene, and gives the fields back."""
-    sim = build_simulation(load_scene(name, overrides))
+    """Returns all carried attributes after some frames of a scene, at quality small if it has
+    several, and gives the fields back."""
+    scene = load_scene(name, overrides)
+    if not single_quality_reason(scene):
+        scene = at_quality(scene, "small", name)
+    sim = build_simulation(scene)
     for _ in range(frames):
         sim.advance(FRAME, ExternalForces())
     state = sim.particles.state()

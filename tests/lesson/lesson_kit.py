@@ -1,6 +1,8 @@
 """Lessons that the tests of lessons share."""
 
 from msph.lesson.load import load_lesson, shipped_lessons
+from msph.lesson.student import FRAME
+from msph.stage.controls import Controls
 from msph.stage.preparation import prepare_row
 
 LESSONS = tuple(shipped_lessons())
@@ -12,6 +14,21 @@ def prepared(course, size=None):
     if course.lesson.board:
         return None
     return prepare_row(course.scenes, ["" for _ in course.scenes], size)
+
+
+# Time [s] without input of tasks that need a slider or the camera, which only the user moves.
+IDLE = 0.25
+
+
+def ticks_without_input(progress, row):
+    """Runs the page's task without input; returns True if it was completed."""
+    task = progress.task
+    needs_user = any(task.solution.orbit) or any(k in task.check for k in task.solution.set)
+    for _ in range(round((IDLE if needs_user else task.solution.seconds) / FRAME) if row else 1):
+        if row:
+            row.frame(Controls(FRAME))
+        progress.update()
+    return progress.ticked[progress.page - 1]
 
 
 # A valid lesson.

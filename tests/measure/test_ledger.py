@@ -25,19 +25,149 @@ MASSES = np.array([0.3, 0.7])
 
 
 @pytest.fixture(scope="module")
-def world():
+def shared():
     rng = np.random.default_rng(5)
     n = 60
     x, v = rng.uniform(0.2, 0.8, (n, 3)), rng.normal(0.0, 1.0, (n, 3))
     layers = [LayerSpec(m, 1000.0, 2.0, viscosity=1.0) for m in MASSES]
     sim = simulate(SIZE, layers, x, rng.integers(0, 2, n), v, ClassicParameters())
-    return sim, Ledger(sim)
+    yield sim, Ledger(sim)
+    sim.close()
 
 
-@pytest.fixture(autouse=True)
-def start_anew(world):
-    world[0].reset()
-    world[1].clear()
+@pytest.fixture
+def world(shared):
+    sim, ledger = shared
+    sim.reset()
+    ledger.clear()
+    return sim, ledger
+
+
+@pytest.fixture
+def pool():
+    """Returns a pool of the projection method, 448 particles in two layers, and its ledger."""
+    d = 0.05
+    x = lattice((8, 7, 8), d)
+    layers = [spec_of(d, 2.0), LayerSpec(1050.0 * d**3, 1000.0, 2.0)]
+    sim = simulate((8 * d, 10 * d, 8 * d), layers, x, x[:, 1] < 4 * d)
+    yield sim, Ledger(sim)
+    sim.close()
+
+
+# The next tests run before `world` is built, and use its fields.
+def test_motion_energy_is_the_energy_above_level_water():
+    """The reference is level water, half as high as a block on half of the floor; a body of
+    0.08 m^3 raises it from 0.4 to 0.48 m."""
+    half = [0.5, 0.8, 1.0]
+    scene = {
+        "method": "projection",
+        "box": {"size": SIZE},
+        "layers": [{"mass": 1000.0 * 0.1**3}],
+        "water": [{"layer": 0, "lo": [0, 0, 0], "hi": half}],
+    }
+    block = build_simulation(Scene.model_validate(scene))
+    ledger = Ledger(block, density_every=math.inf)
+    entry = ledger.record(G)
+    mass, weight = 1000.0 * np.prod(half), 9810.0 * np.prod(half)
+    assert level_potential(block, np.array(G), mass) == pytest.approx(weight * 0.2, rel=1e-6)
+    assert ledger.motion_energy() == pytest.approx(entry.potential - weight * 0.2, rel=1e-4)
+    block.close()
+    scene["bodies"] = [{"lo": [0.6, 0.0, 0.0], "hi": [1.0, 0.2, 1.0]}]
+    block = build_simulation(Scene.model_validate(scene))
+    # 0.12 m^3 fill the room next to the body up to 0.2 m; 0.28 m^3 lie above, 0.28 m high.
+    expected = 9810.0 * (0.12 * 0.1 + 0.28 * (0.2 + 0.14))
+    found = level_potential(block, np.array(G), mass)
+    assert found == pytest.approx(expected, rel=1e-2)
+    block.close()
+
+
+def test_fine_water_is_not_added_between_coarse_particles():
+    """No fine particle is added inside coarse water. Regression: fine water was added in the gaps
+    of coarse water below the surface and blew up."""
+    scene = load_scene("deep", ("method=projection",))
+    sim = build_simulation(scene, 2000)
+    finest = int(np.argmin([s.mass for s in sim.layers.specs]))
+    coarse = sim.particles.numpy("layer") == int(np.argmax([s.mass for s in sim.layers.specs]))
+    x = sim.particles.numpy("x")[coarse]
+    middle = x[np.abs(x - 0.5 * (x.min(axis=0) + x.max(axis=0))).sum(axis=1).argmin()]
+    rng = np.random.default_rng(1)
+    sites = (middle + rng.uniform(-0.2, 0.2, (200, 3))).astype(np.float32)
+    assert sim.add(sites, np.zeros_like(sites), finest, G) == 0
+    sim.close()
+
+
+@pytest.mark.parametrize("tension", [0.0, 0.072])
+def test_energy_gains_are_unknown_under_surface_tension(tension):
+    """Regression: the energy that the surface gave to drops counted as created by the method."""
+    x, terms = lattice((4, 4, 4), 1e-3) + 7.5e-3, ProjectionParameters(tension=tension)
+    sim = simulate((0.02,) * 3, [spec_of(1e-3)], x, terms=terms)
+    ledger = Ledger(sim)
+    for _ in range(3):
+        ledger.record((0.0, 0.0, 0.0))
+        sim.advance(1e-3, ExternalForces((0.0, 0.0, 0.0)))
+    found = errors(ledger, [])
+    names = ("energy_gain", "energy_gain_of_motion", "energy_rise_in_1_s")
+    assert all(math.isnan(found[name]) for name in names) == (tension > 0.0)
+    sim.close()
+
+
+def test_added_water_is_recorded_and_overlaps_nothing(pool, monkeypatch):
+    """Mass, momentum and energy balance with the record of added water, before and after steps."""
+    sim, ledger = pool
+    monkeypatch.setattr(sim.particles, "capacity", sim.particles.count + 3)
+    start, d = ledger.record(G), 0.05
+    above = np.array([[0.1, 0.4, 0.1], [0.2, 0.42, 0.2], [0.3, 0.45, 0.3]], np.float32)
+    # Not added: in the water, beyond a wall, and next to an added particle.
+    inside = np.array([[0.11, 0.12, 0.1], [-0.1, 0.4, 0.1], [0.12, 0.4, 0.1]], np.float32)
+    x = np.concatenate([above, inside])
+    v = np.tile(np.array([0.4, -1.0, 0.2], np.float32), (len(x), 1))
+    assert sim.add(x, v, 0, G) == 3
+    after = ledger.record(G)
+    assert after.added_mass == pytest.approx(3000.0 * d**3, rel=1e-6)
+    assert after.mass - start.mass == pytest.approx(after.added_mass, rel=1e-3)
+    assert ledger.mass_change() == pytest.approx(0.0, abs=1e-6)
+    gained = after.momentum - start.momentum
+    assert gained == pytest.approx(after.user_impulse, abs=1e-4) and gained[0] > 0.1
+    assert after.energy == pytest.approx(start.energy, abs=1e-4 * start.potential)
+    ids = sim.particles.numpy("id")
+    assert len(np.unique(ids)) == len(ids)
+    with pytest.raises(FullError, match="full"):
+        sim.add(above + np.float32(0.051), v[:3], 0, G)
+    advance(sim, 6)
+    entry = ledger.record(G)
+    assert abs(ledger.mass_change()) < 1e-6 and entry.outside == 0
+    assert entry.energy < start.energy + 1e-3 * start.potential
+    sim.reset()
+    assert ledger.record(G).added_mass == 0.0
+
+
+@pytest.mark.parametrize("name", ["pool", "world"])
+def test_momentum_is_the_impulse_of_gravity_walls_and_the_hand(name, request):
+    """The momentum gained is M g t plus the impulses of walls, hand and pair forces, for particles
+    that fall, are dragged and hit walls; impulse and work of the hand are not zero."""
+    sim, ledger = request.getfixturevalue(name)
+    start = ledger.record(G)
+    hand = Hand(
+        position=(0.2, 0.2, 0.2),
+        velocity=(2.0, 1.0, -1.0),
+        radii=(0.25, 0.25, math.inf),
+        grip=20.0,
+        spin=(0.0, 5.0, 0.0),
+        draw=-3.0,
+    )
+    for _ in range(12):
+        sim.advance(1 / 60, ExternalForces(G, hand))
+    entry = ledger.record(G)
+    given = entry.mass * np.array(G) * sim.time + entry.wall_impulse + entry.user_impulse
+    gained = entry.momentum - start.momentum
+    exchanged = entry.mass * 9.81 * sim.time
+    assert np.abs(gained - given - entry.internal_impulse).max() < 1e-4 * exchanged
+    assert entry.user_impulse[0] > 0.01 * exchanged and entry.user_work != 0.0
+    assert np.linalg.norm(entry.wall_impulse) > 0.1 * exchanged
+    assert entry.wall_work == entry.merge_loss == 0.0
+    if name == "pool":
+        assert ledger.momentum_drift() < 1e-4
+        assert np.linalg.norm(entry.internal_impulse) < 1e-5 * exchanged
 
 
 def test_entry_equals_sums_by_hand(world):
@@ -192,79 +322,6 @@ def test_reference_energy_counts_height_above_the_lowest_corner(world):
     assert ledger.reference_energy() == pytest.approx(expected, rel=1e-6)
 
 
-@pytest.fixture(scope="module")
-def pool():
-    """Returns a pool of the projection method, 448 particles in two layers, and its ledger."""
-    d = 0.05
-    x = lattice((8, 7, 8), d)
-    layers = [spec_of(d, 2.0), LayerSpec(1050.0 * d**3, 1000.0, 2.0)]
-    sim = simulate((8 * d, 10 * d, 8 * d), layers, x, x[:, 1] < 4 * d)
-    return sim, Ledger(sim)
-
-
-@pytest.mark.parametrize("name", ["world", "pool"])
-def test_momentum_is_the_impulse_of_gravity_walls_and_the_hand(name, request):
-    """The momentum gained is M g t plus the impulses of walls, hand and pair forces, for particles
-    that fall, are dragged and hit walls; impulse and work of the hand are not zero."""
-    sim, ledger = request.getfixturevalue(name)
-    sim.reset()
-    ledger.clear()
-    start = ledger.record(G)
-    hand = Hand(
-        position=(0.2, 0.2, 0.2),
-        velocity=(2.0, 1.0, -1.0),
-        radii=(0.25, 0.25, math.inf),
-        grip=20.0,
-        spin=(0.0, 5.0, 0.0),
-        draw=-3.0,
-    )
-    for _ in range(12):
-        sim.advance(1 / 60, ExternalForces(G, hand))
-    entry = ledger.record(G)
-    given = entry.mass * np.array(G) * sim.time + entry.wall_impulse + entry.user_impulse
-    gained = entry.momentum - start.momentum
-    exchanged = entry.mass * 9.81 * sim.time
-    assert np.abs(gained - given - entry.internal_impulse).max() < 1e-4 * exchanged
-    assert entry.user_impulse[0] > 0.01 * exchanged and entry.user_work != 0.0
-    assert np.linalg.norm(entry.wall_impulse) > 0.1 * exchanged
-    assert entry.wall_work == entry.merge_loss == 0.0
-    if name == "pool":
-        assert ledger.momentum_drift() < 1e-4
-        assert np.linalg.norm(entry.internal_impulse) < 1e-5 * exchanged
-
-
-def test_added_water_is_recorded_and_overlaps_nothing(pool, monkeypatch):
-    """Mass, momentum and energy balance with the record of added water, before and after steps."""
-    sim, ledger = pool
-    sim.reset()
-    ledger.clear()
-    monkeypatch.setattr(sim.particles, "capacity", sim.particles.count + 3)
-    start, d = ledger.record(G), 0.05
-    above = np.array([[0.1, 0.4, 0.1], [0.2, 0.42, 0.2], [0.3, 0.45, 0.3]], np.float32)
-    # Not added: in the water, beyond a wall, and next to an added particle.
-    inside = np.array([[0.11, 0.12, 0.1], [-0.1, 0.4, 0.1], [0.12, 0.4, 0.1]], np.float32)
-    x = np.concatenate([above, inside])
-    v = np.tile(np.array([0.4, -1.0, 0.2], np.float32), (len(x), 1))
-    assert sim.add(x, v, 0, G) == 3
-    after = ledger.record(G)
-    assert after.added_mass == pytest.approx(3000.0 * d**3, rel=1e-6)
-    assert after.mass - start.mass == pytest.approx(after.added_mass, rel=1e-3)
-    assert ledger.mass_change() == pytest.approx(0.0, abs=1e-6)
-    gained = after.momentum - start.momentum
-    assert gained == pytest.approx(after.user_impulse, abs=1e-4) and gained[0] > 0.1
-    assert after.energy == pytest.approx(start.energy, abs=1e-4 * start.potential)
-    ids = sim.particles.numpy("id")
-    assert len(np.unique(ids)) == len(ids)
-    with pytest.raises(FullError, match="full"):
-        sim.add(above + np.float32(0.051), v[:3], 0, G)
-    advance(sim, 6)
-    entry = ledger.record(G)
-    assert abs(ledger.mass_change()) < 1e-6 and entry.outside == 0
-    assert entry.energy < start.energy + 1e-3 * start.potential
-    sim.reset()
-    assert ledger.record(G).added_mass == 0.0
-
-
 def test_the_hands_work_is_the_energy_it_gives(world):
     """Without gravity, pair forces and walls, the kinetic energy gained is the hand's work."""
     sim, ledger = world
@@ -283,59 +340,3 @@ def test_the_hands_work_is_the_energy_it_gives(world):
     assert entry.user_work == pytest.approx(entry.kinetic, rel=1e-4)
     assert entry.user_impulse == pytest.approx(entry.momentum, rel=1e-4)
     assert entry.energy == pytest.approx(0.0, abs=1e-4 * entry.kinetic)
-
-
-def test_motion_energy_is_the_energy_above_level_water():
-    """The reference is level water, half as high as a block on half of the floor; a body of
-    0.08 m^3 raises it from 0.4 to 0.48 m."""
-    half = [0.5, 0.8, 1.0]
-    scene = {
-        "method": "projection",
-        "box": {"size": SIZE},
-        "layers": [{"mass": 1000.0 * 0.1**3}],
-        "water": [{"layer": 0, "lo": [0, 0, 0], "hi": half}],
-    }
-    block = build_simulation(Scene.model_validate(scene))
-    ledger = Ledger(block, density_every=math.inf)
-    entry = ledger.record(G)
-    mass, weight = 1000.0 * np.prod(half), 9810.0 * np.prod(half)
-    assert level_potential(block, np.array(G), mass) == pytest.approx(weight * 0.2, rel=1e-6)
-    assert ledger.motion_energy() == pytest.approx(entry.potential - weight * 0.2, rel=1e-4)
-    block.close()
-    scene["bodies"] = [{"lo": [0.6, 0.0, 0.0], "hi": [1.0, 0.2, 1.0]}]
-    block = build_simulation(Scene.model_validate(scene))
-    # 0.12 m^3 fill the room next to the body up to 0.2 m; 0.28 m^3 lie above, 0.28 m high.
-    expected = 9810.0 * (0.12 * 0.1 + 0.28 * (0.2 + 0.14))
-    found = level_potential(block, np.array(G), mass)
-    assert found == pytest.approx(expected, rel=1e-2)
-    block.close()
-
-
-def test_fine_water_is_not_added_between_coarse_particles():
-    """No fine particle is added inside coarse water. Regression: fine water was added in the gaps
-    of coarse water below the surface and blew up."""
-    scene = load_scene("deep", ("method=projection",))
-    sim = build_simulation(scene, 2000)
-    finest = int(np.argmin([s.mass for s in sim.layers.specs]))
-    coarse = sim.particles.numpy("layer") == int(np.argmax([s.mass for s in sim.layers.specs]))
-    x = sim.particles.numpy("x")[coarse]
-    middle = x[np.abs(x - 0.5 * (x.min(axis=0) + x.max(axis=0))).sum(axis=1).argmin()]
-    rng = np.random.default_rng(1)
-    sites = (middle + rng.uniform(-0.2, 0.2, (200, 3))).astype(np.float32)
-    assert sim.add(sites, np.zeros_like(sites), finest, G) == 0
-    sim.close()
-
-
-@pytest.mark.parametrize("tension", [0.0, 0.072])
-def test_energy_gains_are_unknown_under_surface_tension(tension):
-    """Regression: the energy that the surface gave to drops counted as created by the method."""
-    x, terms = lattice((4, 4, 4), 1e-3) + 7.5e-3, ProjectionParameters(tension=tension)
-    sim = simulate((0.02,) * 3, [spec_of(1e-3)], x, terms=terms)
-    ledger = Ledger(sim)
-    for _ in range(3):
-        ledger.record((0.0, 0.0, 0.0))
-        sim.advance(1e-3, ExternalForces((0.0, 0.0, 0.0)))
-    found = errors(ledger, [])
-    names = ("energy_gain", "energy_gain_of_motion", "energy_rise_in_1_s")
-    assert all(math.isnan(found[name]) for name in names) == (tension > 0.0)
-    sim.close()

@@ -6,7 +6,6 @@ import trimesh
 from msph.scene import SceneError, load_scene
 from msph.scene.bodies import bodies
 from msph.scene.effort import effort, in_words, steps_per_second
-from msph.scene.library import shipped_scenes
 from msph.scene.water import layer_specs
 from tests.scenes_kit import write
 
@@ -24,11 +23,6 @@ BALL = "bodies=[{centre=[0.5, 0.2, 0.5], radius=0.1, "
 
 def scene(tmp_path, *overrides):
     return load_scene(write(tmp_path, POOL), overrides)
-
-
-@pytest.mark.parametrize("name", shipped_scenes())
-def test_shipped_scenes_give_no_caution(name):
-    assert effort(load_scene(name)) == []
 
 
 def test_short_steps_are_reported_with_their_elapsed_time(tmp_path):

@@ -4,6 +4,7 @@ import pytest
 
 from msph.scene import SceneError, load_scene
 from msph.scene.check import cautions, views
+from msph.scene.effort import effort
 from msph.scene.library import shipped_scenes
 from msph.scene.load import parse_override, to_toml
 from msph.scene.parameters import parameters
@@ -217,9 +218,14 @@ def test_missing_scene_suggests_the_nearest_name(tmp_path):
 
 
 @pytest.mark.parametrize("name", shipped_scenes())
-def test_shipped_scene_loads_and_has_a_title_and_a_source(name):
+def test_shipped_scenes_have_titles_sources_no_caution_and_the_specified_mass(name):
+    """The mass of the particles is exact to half a particle per part of the water."""
     scene = load_scene(name)
-    assert scene.title and scene.source
+    assert scene.title and scene.source and effort(scene) == []
+    specs = layer_specs(scene)
+    laid = sum(specs[k].mass for k in initial_particles(scene, specs)["layer"])
+    half_particles = 0.5 * sum(specs[w.layer].mass for w in scene.water)
+    assert abs(laid - specified_mass(scene, specs)) <= half_particles + 1e-9
 
 
 @pytest.mark.parametrize("name", ["pool", "pool_2x"])

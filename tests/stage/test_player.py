@@ -16,7 +16,6 @@ from msph.stage.controls import Controls
 from msph.stage.keys import ACTIONS
 from msph.stage.player import SLOW_MOTION
 from tests.stage.player_kit import FRAME, HEIGHT, WIDTH, frames, press
-from tests.tiers import slow_but
 
 
 def test_pause_single_step_reset(player, show):
@@ -286,14 +285,13 @@ def test_a_lost_session_is_offered_until_a_key_answers(player, show, tmp_path, m
     assert player.offer is None and not file.exists() and player.wants_more(player.row)
 
 
-@pytest.mark.parametrize("seed", slow_but([1], [1, 2]))
-def test_random_input_at_a_window_loses_no_water(player, show, seed):
-    """A thousand random keys, drags and slider values lose no mass and keep velocities finite."""
-    dice = random.Random(seed)
+def test_random_input_at_a_window_loses_no_water(player, show):
+    """600 random keys, drags and slider values lose no mass and keep velocities finite."""
+    dice = random.Random(1)
     mass = show.ledger.record(show.gravity()).mass
     names = [k for k in ACTIONS if ACTIONS[k] not in ("quit", "clip", "keep", "reopen", "picture")]
     window = player.window
-    for _ in range(250):
+    for _ in range(150):
         for _ in range(4):
             kind = dice.randrange(5)
             if kind == 0:

@@ -106,14 +106,6 @@ def test_hints_do_not_cover_the_box(box):
     assert round(GAP * text) + sheet.size[1] < height * lowest
 
 
-def test_the_camera_of_a_scene_leaves_room_for_hints(show):
-    box, camera = show.simulation.size, show.display.framing()
-    expected = Camera.framing(
-        box, WIDTH / HEIGHT, camera.azimuth, camera.elevation, camera.fov, below=BELOW
-    )
-    assert camera.distance == pytest.approx(expected.distance)
-
-
 def test_help_covers_the_image_until_it_is_closed(player, show):
     player.idle.tried |= set(ACTIONS.values())
     press(player, show, " ")

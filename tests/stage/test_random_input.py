@@ -27,10 +27,9 @@ hi = [0.4, 0.1512, 0.4]
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("seed", [1, 2])
-def test_random_input_loses_no_water(name, seed, tmp_path):
+def test_random_input_loses_no_water(name, tmp_path):
     scene = load_scene(write(tmp_path, SCENES[name]), ADAPTIVE)
-    found = run_scene(scene, name, 60, seed)
+    found = run_scene(scene, name, 60, 1)
     assert problems(found) == []
     assert found["added [kg]"] > 0.0
     assert found["spilt [kg]"] > 0.0 or name != "open"
@@ -46,7 +45,7 @@ def test_mass_changes_and_other_problems_are_reported(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Touch, "add_water", forgets)
     scene = load_scene(write(tmp_path, SCENES["open"]), ADAPTIVE)
-    (problem,) = problems(run_scene(scene, "open", 60, 1))
+    (problem,) = problems(run_scene(scene, "open", 20, 1))
     assert problem.startswith("mass change")
     good = {**dict.fromkeys(LIMITS, 0.0), "ended": "finished"}
     assert not problems(good)

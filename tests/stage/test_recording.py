@@ -14,7 +14,7 @@ from msph.stage import commands, loaded_scene
 from msph.stage.choice import Choice, SceneArguments
 from msph.stage.input_relays import InputRecorder, Replayer
 from msph.stage.layout import Layout
-from msph.stage.loop import run
+from msph.stage.loop import Audience, run
 from msph.stage.player import Player
 from msph.stage.recorded_input import Header, Recording, RecordingError, read
 from msph.stage.row import Row
@@ -89,7 +89,7 @@ def same(state, other):
         assert np.array_equal(values, other[name]), name
 
 
-class Count:
+class Count(Audience):
     """Audience without input that counts its frames."""
 
     def __init__(self):
@@ -98,19 +98,8 @@ class Count:
     def wants_more(self, row):
         return True
 
-    def controls(self, row):
-        from msph.stage.controls import Controls
-
-        return Controls()
-
-    def within(self, row, share):
-        pass
-
     def observe(self, row):
         self.frames += 1
-
-    def close(self):
-        pass
 
 
 def test_a_recording_contains_all_input_that_acts_on_the_water(played):
@@ -214,7 +203,7 @@ def test_bench_runs_the_recorded_frames(played, one_taichi, tmp_path):
 
 def test_play_without_a_display_records_and_replays(played, one_taichi, tmp_path, monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.setattr(commands, "FALLBACK_SIZE", SIZE)
+    monkeypatch.setattr(commands, "FALLBACK_SIZE", (64, 36))
     monkeypatch.chdir(tmp_path)
     found = here("play", "--replay", played[0], "--record-input", "again.jsonl")
     assert found.returncode == 0, found.stderr

@@ -14,7 +14,8 @@ from tests.scenes_kit import write
 def show(tmp_path_factory):
     show = Show(load_scene(write(tmp_path_factory.mktemp("scene"))), 1 / 60, size=(160, 90))
     show.frame(Controls())
-    return show
+    yield show
+    show.close()
 
 
 def frame(show, **controls) -> tuple[set[str], np.ndarray]:

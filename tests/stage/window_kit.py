@@ -18,6 +18,8 @@ from msph.stage.start_screen import SKY
 TOOLS = ("Xvfb", "xdotool")
 WIDTH, HEIGHT = 640, 360
 PATIENCE = 60.0
+# Time [s] in which a window shows several frames, also on a busy machine.
+PAUSE = 0.5
 # Position of new windows on a screen without a window manager [pixels].
 CORNER = 100
 SCREEN = ("-screen", "0", f"{WIDTH + CORNER}x{HEIGHT + CORNER}x24")
@@ -68,7 +70,7 @@ class Screen:
     def do(self, *arguments):
         """Sends commands of xdotool and waits: a drag needs a frame at each of its ends."""
         self.send(*arguments)
-        time.sleep(0.7)
+        time.sleep(PAUSE)
 
     def send(self, *arguments):
         """Sends commands of xdotool whose effect the test waits for."""
@@ -95,7 +97,7 @@ class Screen:
         of more than `by`. The first frame of a view waits for the compilation of its kernels."""
         deadline, last = time.monotonic() + PATIENCE, self.look()
         while time.monotonic() < deadline:
-            time.sleep(0.7)
+            time.sleep(PAUSE)
             before, last = last, self.look()
             changed = unlike is None or np.abs(last - unlike).mean() > by
             if changed and np.array_equal(before, last):
