@@ -20,6 +20,7 @@ from msph.fluid.particles.layers import SPHERE_RADIUS
 from msph.launches import data_oriented, kernel
 from msph.picture.optics import cosine_beyond, reflectance
 from msph.picture.pixels import colour_of, word
+from msph.picture.pool import GOLDEN
 from msph.picture.rasteriser import BLOCK, NO_ITEM
 from msph.picture.samples import strips
 from msph.picture.sky import SUN
@@ -34,21 +35,24 @@ EXPOSURE = 1.0 / 120.0
 UNIT = 1024.0
 # Least radius of a droplet [pixels]; a smaller one has less weight.
 LEAST_RADIUS = 0.8
+# Radius of a droplet in images over its radius (-): spray looks finer than 48 droplets can be that
+# hold the volume of a particle.
+FINER = 0.7
 # Radii [pixels] between which droplets turn from mist to water.
-MIST, WATER = 0.8, 2.0
+MIST, WATER = 0.8, 4.0
 # Sum of weights (-) at the edge of water, and where the water is opaque in a pixel.
 FILM, INSIDE = 0.12, 0.3
 # Opacity of the mist of a droplet, and of whitewater, in its centre.
-MISTY, WHITE = 0.5, 0.6
-# Whitish share of water of small height, and its growth per radius of a droplet [pixels].
-WHITISH = 0.2
+MISTY, WHITE = 0.7, 0.6
+# Whitish share of a droplet, and more where sunlight that it focuses leaves it.
+WHITISH, FOCUS = 0.15, 0.5
 # Shift of the refracted image, over the height of the water.
 BENDING = 0.9
 # Power of the cosine in the sun's reflection, and its brightness.
-GLOSS, GLINT = 60.0, 1.6
-# Radius of whitewater, over the longest edge of the box, and the remaining life (-) in which it
-# fades.
-RADIUS, FADES = 2.6e-3, 0.5
+GLOSS, GLINT = 150.0, 1.6
+# Mean radius of whitewater, over the longest edge of the box, and the remaining life (-) in which
+# it fades.
+RADIUS, FADES = 2.0e-3, 0.5
 # Radius of a patch of foam when it forms and when it has dissolved, over the longest edge of the
 # box, and its opacity at first (-).
 PATCH, DISSOLVED, FROTH = 0.012, 0.026, 0.4
@@ -113,7 +117,9 @@ class DropletsView:
                     drop = self.spilt_one(k, m)
             else:
                 x, radius, v = self.spray.droplet(self.spray.loose[(q - after) // DROPLETS], m)
-                drop = Droplet(x=x, v=v, radius=radius, opacity=MISTY, white=0, foam=0.0, life=1.0)
+                drop = Droplet(
+                    x=x, v=v, radius=FINER * radius, opacity=MISTY, white=0, foam=0.0, life=1.0
+                )
             if drop.radius > 0.0:
                 self.add(drop, self.lens.shot[None])
         # Only within the bounds of the droplets, which are empty if lo = hi + 1.
@@ -153,9 +159,9 @@ class DropletsView:
         return Droplet(
             x=table.x[k],
             v=(1.0 - foam) * table.v[k],
-            radius=ti.math.mix(RADIUS, patch, foam) * longest,
+            radius=ti.math.mix(RADIUS * (0.5 + ti.math.fract(GOLDEN * k)), patch, foam) * longest,
             opacity=ti.math.mix(WHITE, FROTH * life, foam) * fading,
-            white=1,
+            white=ti.cast(foam > 0.0, ti.i32),
             foam=foam,
             life=life,
         )
@@ -238,9 +244,13 @@ class DropletsView:
             mirrored = d + 2.0 * c * normal
             share = reflectance(c, cosine_beyond(c, shot.eta), shot.eta)
             glint = ti.max(mirrored.dot(shot.sun), 0.0) ** GLOSS
-            sky = self.pool.far_radiance(mirrored, shot)
-            water = ti.math.mix(behind, vec3(SCATTERED), WHITISH * (1.0 + n.y))
-            water = ti.math.mix(water, self.tone.display(sky), share)
+            # A ray that grazes a droplet goes on to what is behind.
+            sky = self.tone.display(self.pool.far_radiance(mirrored, shot))
+            sky = ti.math.mix(sky, behind, ti.math.smoothstep(-0.5, 0.8, mirrored.dot(d)))
+            # Sunlight leaves a droplet on the side away from the sun.
+            focus = ti.max(-normal.dot(shot.sun), 0.0)
+            water = ti.math.mix(behind, vec3(SCATTERED), WHITISH + FOCUS * focus * focus)
+            water = ti.math.mix(water, sky, share)
             water = ti.min(water + GLINT * glint * SUN, 1.0)
             shown = ti.math.mix(shown, water, cover)
         if self.sums.mist[i, j] > 0:

@@ -101,7 +101,7 @@ class Picture:
         present bodies. region [m]: extent of the water's surface, higher than a box without a lid;
         spacing [m]: largest distance between vertices of the mesh. Raises ValueError if the room
         does not hold them."""
-        self.box = tuple(map(float, box))
+        self.box, self.spacing = tuple(map(float, box)), spacing
         self.wetness.load(self.box, spacing)
         self.region = tuple(map(float, region or box))
         self.take_bodies()
@@ -182,7 +182,8 @@ class Picture:
         changed = view != self.view
         if changed:
             w, h = self.ray_counts
-            numbers = shot_numbers(camera, tilt, self.box, w, h, self.look, self.region)
+            surface = self.region, self.spacing
+            numbers = shot_numbers(camera, tilt, self.box, w, h, self.look, *surface)
             self.lens.set(numbers, whole)
             self.view = view
         return changed

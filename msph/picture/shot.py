@@ -16,8 +16,8 @@ vec2, vec3, ivec2 = ti.math.vec2, ti.math.vec3, ti.math.ivec2
 NEAR_PLANE = 0.005  # near plane [m]
 DEPTH_RANGE = 1.3  # range of distinct depths, over the box's depth
 WALL_SKIN = 2e-3  # distance within which a face is on a wall, over the longest edge
-# Cells of the map of water levels along the longer side of the floor (coarser than the mesh), and
-# of the map of caustics along each side.
+# Most cells of the map of water levels along the longer side of the floor, and cells of the map of
+# caustics along each side.
 LEVEL_CELLS, CAUSTIC_CELLS = 28, 128
 MIN_DESCENT = 0.3  # smallest descent of sunbeams under water, when the box is tilted
 TILE = 1 / 12  # edge of a tile, over the longest edge of the box
@@ -71,10 +71,13 @@ Shot = ti.types.struct(
 )
 
 
-def shot_numbers(camera, tilt, box, width, height, look, region=None):
+def shot_numbers(camera, tilt, box, width, height, look, region=None, spacing=0.0):
     """Computes the members of a `Shot` from a camera, a tilt (3x3 or None), a box (Lx, Ly, Lz) [m],
-    the number of rays, a look, and the extent of the water's surface [m], by default the box."""
+    the number of rays, a look, the extent of the water's surface [m], by default the box, and the
+    largest distance between vertices of the surface [m]."""
     box = np.asarray(box, float)
+    # No cell of the water levels is without a vertex.
+    levels = np.round(box[[0, 2]] * min(LEVEL_CELLS / box[[0, 2]].max(), 1 / max(spacing, 1e-9)))
     region = box if region is None else np.asarray(region, float)
     R, C = np.eye(3) if tilt is None else np.asarray(tilt, float), box / 2
     right, up, back = (R.T @ a for a in camera.axes())
@@ -142,7 +145,7 @@ def shot_numbers(camera, tilt, box, width, height, look, region=None):
         "low_colour": colours[0] if colours else np.zeros(3),
         "high_colour": colours[1] if colours else np.zeros(3),
         "drift": drift,
-        "level_cells": np.maximum(np.round(box[[0, 2]] * LEVEL_CELLS / box[[0, 2]].max()), 2),
+        "level_cells": np.maximum(levels, 2),
         "map_corner": np.minimum(shift, 0),
         "map_scale": CAUSTIC_CELLS / (box[[0, 2]] + np.abs(shift)),
     }

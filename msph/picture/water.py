@@ -24,7 +24,7 @@ from msph.picture.samples import (
     BlockSampler,
     make_sample,
 )
-from msph.picture.sky import SKY_LIGHT, SUN, SUN_LIGHT
+from msph.picture.sky import SKY_LIGHT, SUN, SUN_LIGHT, noise
 from msph.picture.sunlight import bilinear
 
 vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
@@ -35,7 +35,14 @@ WALL_COSINE = 0.98  # smallest cosine between a cut face's normal and the wall's
 MIN_INCIDENCE = 0.03  # smallest cosine of incidence
 PLATE = 0.1  # largest thickness of water on glass that refracts as a plate, over the longest edge
 LUMP = 0.25  # thickness of water in the air from which it refracts in full, over the longest edge
+# Water in the air: thickness that scatters 63 % of a lump's light, over the longest edge; largest
+# share that is scattered; light scattered from sky and sun for normals across them.
+FILM, MILK, MILK_SKY, MILK_SUN = 0.03, 0.9, vec3(0.24, 0.33, 0.4), vec3(0.18, 0.21, 0.2)
+# Spots of bubbles along the longest edge of the box, and their height over their width, inverted.
+LACE, STREAKED = 60.0, 0.35
 DOWNWELLING = 0.5  # share of absorption on the light's way down
+# Places along a ray under water where light is scattered, and share of sunlight (-).
+SHAFT_STEPS, SHAFTS = 16, 0.8
 NEAR_GLINT = 0.5  # sheen above which the sun's reflection may lie between two samples
 # Bits of a kind: low wall; seen through a side of the water; folded by total reflection; out of the
 # water again; number of the body (bits below SUNK); eye under water; whole ray under water.
@@ -101,7 +108,7 @@ class WaterShader:
         """Returns kind and sample of the water at a pixel."""
         shot = self.lens.shot[None]
         d = shot.origin + shot.du * i + shot.dv * j
-        back = ti.bit_cast(self.raster.back[i, j], ti.f32)
+        back = self.back(i, j, shot)
         depth, flat, n = self.hit_surface(i, j, d, shot)
         sunk = d.dot(flat) > 0.0
         # The ray meets only water before a wall or a body.
@@ -126,7 +133,7 @@ class WaterShader:
         c = ti.max(-d.dot(n), MIN_INCIDENCE)
         ct = cosine_beyond(c, eta)
         bent, mirrored = bend(d, n, c, ct, eta), d + 2.0 * c * n
-        reach, thickness = depth * stretch, (back - depth) * stretch
+        reach, thickness = depth * stretch, ti.max(back - depth, 0.0) * stretch
         if cut and thickness < PLATE * shot.size.max():
             # Thin water on the glass: the ray leaves the water almost in the old direction.
             bent = d
@@ -134,7 +141,11 @@ class WaterShader:
             # So do thin sheets and small lumps of water in the air.
             thick = ti.math.clamp(thickness / (LUMP * shot.size.max()), 0.0, 1.0)
             bent = ti.math.mix(d, bent, thick * thick).normalized()
-        share = reflectance(c, ct, eta)
+        share, milk, white = reflectance(c, ct, eta), 0.0, vec3(0.0)
+        if not cut and not sunk and thickness < LUMP * shot.size.max():
+            fade, milk = self.aeration(p, thickness, shot)
+            share *= fade
+            white = MILK_SKY * (1.0 + n.dot(shot.up)) + MILK_SUN * (1.5 + n.dot(shot.sun))
         if sunk:
             if ct == 0.0:
                 bent = mirrored
@@ -147,7 +158,7 @@ class WaterShader:
         rise = mirrored.dot(shot.up)
         if rise < 0.0 and not cut:  # would meet other waves: use the sky that they reflect
             mirrored -= 2.0 * rise * shot.up
-        kind, under, sky, detail = 0, 0.0, vec3(0.0), False
+        kind, under, sky, detail = 0, 0.0, vec3(0.0), milk > 0.0
         place, light, left, added = vec4(0.0), vec2(0.0), vec3(0.0), vec3(0.0)
         # First the ray in water, then the ray in air: a loop compiles the intersections once.
         for way in range(2):
@@ -196,12 +207,54 @@ class WaterShader:
                 if body >= 0:
                     sky = seen
                 detail = detail or close
+        left, added = left * (1.0 - milk), ti.math.mix(added, white, milk)
         left, added = left * (1.0 - share), ti.math.mix(added, sky, share)
         if sunk:
-            before = transmittance(shot.absorption, reach)
-            left, added = left * before, ti.math.mix(shot.scatter, added, before)
+            before, murk = transmittance(shot.absorption, reach), shot.scatter
+            if shot.immersed == 1:
+                murk *= self.daylight(ti.select(straight, place.xyz, p), shot)
+            added += (murk - shot.scatter) * (1.0 - left) * straight
+            left, added = left * before, ti.math.mix(murk, added, before)
         sample = make_sample(place, light, left, added, vec4(under, depth, 0.0, 0.0))
         return kind + DETAIL * detail, sample
+
+    @ti.func
+    def daylight(self, end, shot: ti.template()):
+        """Returns the mean light, RGB, between the eye and a place under water, `end` [m], over the
+        light at the surface: shafts of sunlight, darker with the depth."""
+        light = vec3(0.0)
+        for k in range(SHAFT_STEPS):
+            q = ti.math.mix(shot.eye, end, (k + 0.5) / SHAFT_STEPS)
+            deep = ti.max(self.sunlight.height(q, shot) - q.y, 0.0)
+            sun = SHAFTS * self.sunlight.concentration(q, deep, shot) + 1.0 - SHAFTS
+            light += sun * transmittance(shot.absorption, deep / DOWNWELLING)
+        return light / SHAFT_STEPS
+
+    @ti.func
+    def back(self, i, j, shot: ti.template()):
+        """Returns the depth [m] of the nearest back face at a pixel or, where a front face ends
+        between two pixels, at one of its neighbours; FAR without any."""
+        found = ti.bit_cast(self.raster.back[i, j], ti.f32)
+        for k in range(ti.select(found == FAR, 4, 0)):
+            a = ti.math.clamp(i + ti.select(k < 2, 2 * k - 1, 0), 0, shot.columns - 1)
+            b = ti.math.clamp(j + ti.select(k < 2, 0, 2 * k - 5), 0, shot.rows - 1)
+            found = ti.min(found, ti.bit_cast(self.raster.back[a, b], ti.f32))
+        return found
+
+    @ti.func
+    def aeration(self, p, thickness, shot: ti.template()):
+        """Returns, for water in the air of a thickness [m] along the ray at p [m], the share of its
+        reflections, which vanish at its edge, and the share of light that its bubbles scatter."""
+        size, lace = shot.size.max(), 0.0
+        film = 1.0 - ti.exp(-thickness / (FILM * size))
+        q = LACE * p / size * vec3(1.0, STREAKED, 1.0)
+        for k in range(2):
+            # Two planes across each other: no direction has stripes.
+            lace += noise(vec2(q.x + 0.7 * q.z, q.y)) / (2.0 + 2.0 * k)
+            lace += noise(vec2(q.z - 0.7 * q.x, 1.7 * q.y)) / (2.0 + 2.0 * k)
+            q *= 2.1
+        milk = MILK * ti.math.smoothstep(0.4, 1.1, lace) * (1.0 - thickness / (LUMP * size))
+        return film * film, film * milk
 
     @ti.func
     def hit_surface(self, i, j, d, shot: ti.template()):

@@ -24,8 +24,8 @@ from msph.surface.room import SurfaceRoom
 vec3 = ti.math.vec3
 
 # Droplets of a particle, and the standard deviation of the logarithm of their radii: the radii of
-# the largest and the smallest differ by a factor of about 12.
-DROPLETS, SCATTER = 48, 0.55
+# the largest and the smallest differ by a factor of about 8.
+DROPLETS, SCATTER = 48, 0.45
 # Number of different patterns of places; particles with equal remainders of their ids share one.
 PATTERNS = 32
 # Looseness t (-) between which a particle becomes spray: a thread has 0.65, a pair 0.85.

@@ -186,6 +186,25 @@ def particles(taichi_runtime):
     return x, value, radius
 
 
+def test_the_level_map_has_no_gaps_under_a_coarse_mesh(picture, mesh):
+    """Regression: dark lines on the floor of `still`, where columns between vertices were dry."""
+    mesh.fill(*still_water(n=8))
+    picture.load(WIDTH, HEIGHT, BOX, spacing=1 / 8)
+    picture.draw_water(camera())
+    nx, nz = picture.lens.numbers["level_cells"].astype(int)
+    level = picture.sunlight.level.to_numpy()[:nx, :nz]
+    picture.load(WIDTH, HEIGHT, BOX)
+    np.testing.assert_allclose(level, LEVEL, atol=1e-6)
+
+
+def test_water_in_the_air_is_lighter_than_the_wall_behind(picture, mesh):
+    centre = np.array((0.5, 0.45, 0.5))
+    mesh.fill(*ball(centre, 0.03))
+    picture.draw_water(Camera(centre, 0.6, 0.3, 0.25))
+    change = (canvas_of(picture) - backdrop_of(picture)[..., :3]).mean(-1)
+    assert change[covered(picture.raster)].mean() > 0.03
+
+
 def test_the_nearer_particle_hides_the_farther_particle(picture, particles):
     x, value, radius = particles
     view = camera()

@@ -62,3 +62,14 @@ def test_the_image_changes_only_where_the_eye_crosses_the_surface(picture, mesh)
         assert covered(picture.raster)[below].all()
     assert not wet[0].any()
     assert wet[1][below].all()
+
+
+def test_water_is_darker_far_below_its_surface(picture, mesh):
+    mesh.fill(*still_water())
+    picture.load(WIDTH, HEIGHT, BOX, Look(tint=60.0), spacing=1 / 8)
+    shown = []
+    for height in (0.9 * LEVEL, 0.1 * LEVEL):
+        picture.draw_water(Camera(np.array((0.5, height, 0.5)), 0.0, 0.0, 0.4))
+        shown.append(canvas_of(picture)[:, HEIGHT // 2].mean())
+    picture.load(WIDTH, HEIGHT, BOX)
+    assert shown[1] < 0.8 * shown[0]
