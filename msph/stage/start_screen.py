@@ -3,7 +3,7 @@
 import numpy as np
 from PIL import Image, ImageDraw
 
-from msph.stage.sheet import LEAST_TEXT, font_of, text_height
+from msph.stage.sheet import LEAST_TEXT, font_of, text_height, wrapped
 
 # Colours, 0..255: top and bottom of the background, text, secondary text.
 SKY, DEEP = (24, 66, 92), (8, 24, 38)
@@ -13,6 +13,8 @@ TITLE = 1.0 / 14.0  # title height over the window's height
 # line pitch in text heights.
 LEFT, TOP, PROGRESS_TOP, KEYS_TOP = 0.08, 0.12, 0.36, 0.47
 KEY_WIDTH, LINE = 0.24, 1.5
+# Lines of progress above the keys; a list of many waiting keys is cut off.
+PROGRESS_LINES = 2
 
 
 class StartScreen:
@@ -39,7 +41,8 @@ class StartScreen:
         """Returns packed pixels (width, height) int32, index [right, up]; see
         msph/picture/pixels.py."""
         page = self.base.copy()
-        place = LEFT * self.size[0], PROGRESS_TOP * self.size[1]
-        ImageDraw.Draw(page).text(place, doing, INK, self.font)
+        left, top = LEFT * self.size[0], PROGRESS_TOP * self.size[1]
+        lines = wrapped(doing, self.font, self.size[0] - 2.0 * left)[:PROGRESS_LINES]
+        ImageDraw.Draw(page).text((left, top), "\n".join(lines), INK, self.font)
         words = np.asarray(page.convert("RGBA")).view("<i4")[..., 0]
         return np.ascontiguousarray(words[::-1].T)
