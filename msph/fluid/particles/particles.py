@@ -110,7 +110,7 @@ class Particles:
         if all(memories.values()):
             for name, memory in memories.items():
                 rows = memory.allocated()
-                rows[:n] = values[name].reshape(n, -1) if name in values else 0
+                rows[:n] = values[name].reshape(n, memory.number) if name in values else 0
                 rows[n : self.touched] = 0
         else:
             self._fill_by_kernel(n, values)
