@@ -1,7 +1,7 @@
 """Kills one of the two processes of `play` and `capture` at random times: does the other one end,
 and is everything kept?
 
-    xvfb-run python bench/kills.py 100
+    xvfb-run python bench/kills.py 100 [SEED]
 
 Prints a row for each kill, and the number of failures: processes that remain after GRACE, names of
 shared memory, recordings that cannot be read, videos that do not play, and lost autosaves. Without
@@ -28,8 +28,9 @@ from msph.stage.recorded_input import RecordingError, read
 ROOT, MEMORY = Path(__file__).parents[1], Path("/dev/shm")
 # Longest times [s] until both processes have ended, and until a start is complete.
 GRACE, PATIENCE = 15.0, 300.0
-# Longest random time [s] after the start, or after both processes are ready.
-LATEST = 10.0
+# Longest random time [s] after the start, or after both processes are ready: in a third of it an
+# autosave is due.
+LATEST = 3.0 * autosave.INTERVAL
 SIZE = "320x180"
 
 
@@ -108,7 +109,7 @@ def killed(command: str, folder: Path) -> tuple[str, list[str]]:
 def main() -> None:
     number, failed = int(sys.argv[1]), 0
     commands = ("play", "capture") if os.environ.get("DISPLAY") else ("capture",)
-    random.seed(1)
+    random.seed(int(sys.argv[2]) if len(sys.argv) > 2 else 1)
     for k in range(number):
         with tempfile.TemporaryDirectory() as folder:
             told, failures = killed(commands[k % len(commands)], Path(folder))

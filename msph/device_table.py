@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from msph.host_memory import memory_of
 from msph.launches import data_oriented, small_kernel
 
 # Scalar types of the members of a table.
@@ -14,7 +15,7 @@ f32, i32 = ti.f32, ti.i32
 @data_oriented
 class DeviceTable:
     """Struct field of shape (), (rows,) or (rows, columns) with members of f32 or i32 (scalars,
-    vectors, matrices), written from the host by one launch.
+    vectors, matrices), written from the host: on a CPU directly, on a GPU by one launch.
 
     Each member is an attribute, a Taichi field of that shape: kernels read `table.spacing[layer]`,
     or `table.size[None]` for shape (). `struct` is the whole struct field. No member may be named
@@ -31,6 +32,7 @@ class DeviceTable:
         self.fields = {name: _width_and_type(kind) for name, kind in members.items()}
         field = self.struct = ti.types.struct(**members).field(shape=shape, layout=ti.Layout.SOA)
         self.__dict__.update({name: field.get_member_field(name) for name in members})
+        self._memories: dict[str, Any] = {name: memory_of(getattr(self, name)) for name in members}
         self._used = 0  # rows of the last fill()
         self._numbers, self._integers = self._slots(np.float32), self._slots(np.int32)
         # Values by number type, (rows, columns), and a view of the columns of each member.
@@ -70,7 +72,12 @@ class DeviceTable:
             view[tuple([slice(n) for n in given.shape[:-1]])] = given
             used = max(used, given.shape[0] * self._rows // view.shape[0])
         # Rows beyond those that were used before are 0, unless kernels have written them.
-        self._store(*self._values.values(), max(used, self._used) if values else self._rows)
+        rows = max(used, self._used) if values else self._rows
+        if all(self._memories.values()):
+            for name, memory in self._memories.items():
+                memory.write(self._views[name], rows // self._columns)
+        else:
+            self._store(*self._values.values(), rows)
         self._used = used
 
     @small_kernel

@@ -66,7 +66,7 @@ def missing(owner: Any, names: Iterable[str]) -> str | None:
 
 try:
     from taichi._lib import core
-    from taichi.lang import impl, kernel_impl, matrix_ops, snode
+    from taichi.lang import expr, impl, kernel_impl, matrix_ops, snode
     from taichi.lang.ast.ast_transformer import ASTTransformer
     from taichi.lang.ast.ast_transformer_utils import ASTTransformerContext, Builder
     from taichi.lang.ast.transform import transform_tree
@@ -81,6 +81,7 @@ try:
         or missing(Kernel, ["ensure_compiled"])
         or missing(kernel_impl, ["getsourcelines", "getsourcefile", "textwrap", "ast"])
         or missing(kernel_impl, ["_inside_class"])
+        or missing(expr, ["_check_in_range", "_clamp_unsigned_to_range"])
         or missing(impl, ["get_traceback"])
         or missing(snode, ["get_traceback"])
         or missing(ASTTransformerContext, ["get_pos_info", "get_var_by_name"])
@@ -138,6 +139,12 @@ def _source_lines(function: Any) -> tuple[list[str], int]:
     return lines[first:last], first + 1
 
 
+@functools.cache
+def _lines_without_ends(function: Any) -> tuple[list[str], int]:
+    lines, first = _source_lines(function)
+    return [line.rstrip() for line in lines], first
+
+
 def _indentation(line: str) -> float:
     """Returns the number of spaces before a line, infinite for blank lines and comments."""
     text = line.lstrip()
@@ -183,11 +190,13 @@ if not PLAIN:
     ASTTransformerContext.get_pos_info = _position
     build_node, Builder.__call__ = Builder.__call__, _build_node
     kernel_impl._inside_class = _in_class_body
-    kernel_impl.getsourcelines = functools.cache(_source_lines)
+    kernel_impl.getsourcelines = _lines_without_ends
     kernel_impl.getsourcefile = functools.cache(kernel_impl.getsourcefile)
     kernel_impl.textwrap = SimpleNamespace(
-        fill=functools.cache(textwrap.fill), dedent=functools.cache(textwrap.dedent)
+        fill=lambda line, **_: line, dedent=functools.cache(textwrap.dedent)
     )
+    for name in ("_check_in_range", "_clamp_unsigned_to_range"):
+        setattr(expr, name, functools.cache(getattr(expr, name)))
     impl.get_traceback = snode.get_traceback = _declaration
     from msph import taichi_matrices
 

@@ -19,8 +19,7 @@ from msph.constants import VERSION
 from msph.measure.past import read_state
 from msph.scene.errors import SceneError
 from msph.stage.choice import Choice, SceneArguments, full_name
-from msph.stage.input_relays import Relay
-from msph.stage.loop import Audience
+from msph.stage.loop import Witness
 from msph.stage.row import Row
 from msph.stage.show import SESSION
 from msph.stage.window import ClosedError
@@ -81,17 +80,15 @@ class Autosave:
             part.replace(self.path)
 
 
-class Autosaver(Relay):
+class Autosaver(Witness):
     """Saves the state of the simulation every INTERVAL; another thread writes a copy of it."""
 
-    def __init__(self, inner: Audience, file: Autosave, about: About):
-        super().__init__(inner)
+    def __init__(self, file: Autosave, about: About):
         self.file, self.about = file, about
         self.last, self.time = time.perf_counter(), 0.0
         self.writing: Future | None = None
 
     def observe(self, row: Row) -> None:
-        self.inner.observe(row)
         lead, now = row.lead, time.perf_counter()
         busy = self.writing is not None and not self.writing.done()
         if busy or now - self.last < INTERVAL or lead.simulation.time == self.time:

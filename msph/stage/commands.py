@@ -251,12 +251,12 @@ def record(
         row = remote.row(order, options.size) if remote else prepare_row(**order.shows, size=size)
         recorder = Recorder(files, frames, fps, still, first=first, sampled=recording is not None)
         recorder.aspect = options.size[0] / options.size[1]
-        audience = recorder if remote else with_files(recorder, row, order)
+        audience, witnesses = (recorder, []) if remote else with_files(recorder, row, order)
         row.lead.display.sprayed = files.sprayed
         if not same:
             replace(scene_path, text)
         try:
-            run_loop(row, audience)
+            run_loop(row, audience, witnesses=witnesses)
         except KeyboardInterrupt:
             say(f"stopped after {recorder.done} frames")
             raise

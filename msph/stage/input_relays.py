@@ -1,4 +1,4 @@
-"""Audiences that record the input of another audience, or replace it by a recording."""
+"""Recording of the input of an audience, and its replacement by a recording."""
 
 import math
 import time
@@ -7,57 +7,33 @@ from pathlib import Path
 
 from msph.own_files import writing
 from msph.stage.controls import Controls, Inputs
-from msph.stage.loop import Audience
+from msph.stage.loop import Audience, Witness
 from msph.stage.preparation import say
 from msph.stage.recorded_input import Header, RecordedFrame, Recording, line_of
 from msph.stage.row import Row
 
 
-class Relay(Audience):
-    """Passes all calls to another audience."""
-
-    def __init__(self, inner: Audience):
-        self.inner = inner
-
-    def wants_more(self, row: Row) -> bool:
-        return self.inner.wants_more(row)
-
-    def controls(self, row: Row) -> Controls:
-        return self.inner.controls(row)
-
-    def within(self, row: Row, share: float) -> None:
-        self.inner.within(row, share)
-
-    def observe(self, row: Row) -> None:
-        self.inner.observe(row)
-
-    def close(self) -> None:
-        self.inner.close()
-
-
-class InputRecorder(Relay):
-    """Writes the input that an audience gives to a file (recorded_input.py), line by line, so that
+class InputRecorder(Witness):
+    """Writes the input of each frame to a file (recorded_input.py), line by line, so that
     the file of a program that was killed is complete. The recording ends where the simulation
     continues from a checkpoint. Raises LostOutputError."""
 
-    def __init__(self, inner: Audience, path: Path, header: Header):
-        super().__init__(inner)
+    def __init__(self, path: Path, header: Header):
         self.path, self.lines = path, [line_of(header)]  # lines: not written yet
-        self.frame, self.given, self.time = -1, Inputs(), 0.0
+        self.frame, self.input, self.time = -1, Inputs(), 0.0
         self.written = Inputs()  # input of the last line
         self.began = self.ended = False
 
-    def controls(self, row: Row) -> Controls:
-        controls, now = self.inner.controls(row), row.lead.simulation.time
+    def given(self, row: Row, controls: Controls) -> None:
+        now = row.lead.simulation.time
         self.frame += 1
         if self.frame and now != self.time:
             self.ended = True
             say(f"{self.path} ends here: the simulation continues from a checkpoint")
-        self.given, self.time = controls.inputs(), now
-        return controls
+        self.input, self.time = controls.inputs(), now
 
     def observe(self, row: Row) -> None:
-        given, lead = self.given, row.lead
+        given, lead = self.input, row.lead
         if given.still:
             given = replace(given, frame_time=None)
         else:
@@ -71,10 +47,9 @@ class InputRecorder(Relay):
                 file.writelines(self.lines)
             self.lines, self.began, self.written = [], True, given
         self.time = lead.simulation.time
-        self.inner.observe(row)
 
 
-class Replayer(Relay):
+class Replayer(Audience):
     """Replaces the input that an audience gives to the simulation by a recording.
 
     The audience sees each frame in which time passes. in_window: it sees all frames, and gives the
@@ -88,7 +63,7 @@ class Replayer(Relay):
         in_window: bool = False,
         paced: bool = False,
     ):
-        super().__init__(inner)
+        self.inner = inner
         self.frames, self.in_window, self.paced = recording.frames, in_window, paced
         self.done = 0
         self.last = Inputs()
@@ -100,6 +75,12 @@ class Replayer(Relay):
 
     def wants_more(self, row: Row) -> bool:
         return (self.in_window or not self.over) and self.inner.wants_more(row)
+
+    def within(self, row: Row, share: float) -> None:
+        self.inner.within(row, share)
+
+    def close(self) -> None:
+        self.inner.close()
 
     def controls(self, row: Row) -> Controls:
         controls = self.inner.controls(row)

@@ -1,6 +1,7 @@
 """The frame loop, shared by window, recorder, measurement and benchmark."""
 
 import math
+from collections.abc import Sequence
 from typing import Protocol
 
 from msph.errors import MsphError
@@ -28,7 +29,19 @@ class Audience(Protocol):
         return
 
 
-def run(row: Row, audience: Audience, frames: int | None = None) -> None:
+class Witness(Protocol):
+    """Writes what happens in frames, and gives no input."""
+
+    def given(self, row: Row, controls: Controls) -> None:
+        """Called with the controls of a frame before the frame."""
+        return
+
+    def observe(self, row: Row) -> None: ...
+
+
+def run(
+    row: Row, audience: Audience, frames: int | None = None, witnesses: Sequence[Witness] = ()
+) -> None:
     """Runs frames, at most `frames`, until the audience wants no more, then closes the audience,
     also after errors. Raises InterruptedRun after the step in which a signal arrived; the frame of
     this step is then incomplete."""
@@ -43,8 +56,13 @@ def run(row: Row, audience: Audience, frames: int | None = None) -> None:
             left = math.inf if frames is None else frames
             while left > 0 and audience.wants_more(row):
                 left -= 1
-                row.frame(audience.controls(row))
+                controls = audience.controls(row)
+                for witness in witnesses:
+                    witness.given(row, controls)
+                row.frame(controls)
                 audience.observe(row)
+                for witness in witnesses:
+                    witness.observe(row)
                 raise_if_signalled()
         except MsphError:
             # A signal may have ended the process of the simulation, too.

@@ -14,7 +14,7 @@ from msph.stage.autosave import Autosave, Autosaver
 from msph.stage.controls import Controls
 from msph.stage.input_relays import InputRecorder, Replayer
 from msph.stage.link import END, Answer, Command, Doing, Failed, Files, Order, Ready
-from msph.stage.loop import Audience, run
+from msph.stage.loop import Audience, Witness, run
 from msph.stage.preparation import built_row, described
 from msph.stage.progress import Progress
 from msph.stage.row import Row
@@ -52,9 +52,9 @@ def _run(order: Order, connection: Connection) -> None:
         row = built_row(**order.shows, size=None, report=report)
         follower = Follower(row, connection.recv, tell, order)
         with watch_compiling(lambda name: report(f"compiling {name}")):
-            audience = with_files(follower, row, order, autosave)
+            audience, witnesses = with_files(follower, row, order, autosave)
             follower.begin()
-            run(row, audience)
+            run(row, audience, witnesses=witnesses)
     except MsphError as error:
         tell(Failed(str(error), error.EXIT_CODE))
     except (EOFError, ConnectionError):
@@ -72,9 +72,10 @@ def _run(order: Order, connection: Connection) -> None:
 
 def with_files(
     audience: Audience, row: Row, order: Order, autosave: Autosave | None = None
-) -> Audience:
-    """Returns an audience with recording, replay and autosave of its input."""
-    files, lead = order.files, row.lead
+) -> tuple[Audience, list[Witness]]:
+    """Returns an audience with replayed input, and the witnesses that record input and save the
+    session."""
+    files, lead, witnesses = order.files, row.lead, list[Witness]()
     if files.resume:
         _resume(lead, files)
     if files.replay:
@@ -84,11 +85,11 @@ def with_files(
         audience = Replayer(audience, files.replay, in_window=follows, paced=paced)
     if files.record and files.header:
         claim([files.record], force=True)  # the command has asked for leave
-        audience = InputRecorder(audience, files.record, files.header)
+        witnesses.append(InputRecorder(files.record, files.header))
     # Simulations side by side, restored one by one, would no longer be in step.
     if autosave and files.about and len(row.shows) == 1:
-        audience = Autosaver(audience, autosave, files.about)
-    return audience
+        witnesses.append(Autosaver(autosave, files.about))
+    return audience, witnesses
 
 
 def _resume(show: Show, files: Files) -> None:

@@ -49,9 +49,9 @@ def session(row, scene, *frames, overrides=(), end=None):
     arguments = SceneArguments(scene, overrides)
     with Autosave() as file:
         about = About.of(Choice(scene, "auto", found="large"), arguments, file.began)
-        saver = Autosaver(Count(), file, about)
+        saver = Autosaver(file, about)
         for number in frames:
-            run(row, saver, number)
+            run(row, Count(), number, [saver])
             if saver.writing:
                 saver.writing.result()
         if end:
@@ -114,10 +114,10 @@ def test_the_state_is_copied_and_written_in_another_thread(row, tmp_path, monkey
     monkeypatch.setattr(np, "savez", slow)
     with pytest.raises(BlowUpError), Autosave() as file:
         about = About.of(Choice(scene, "large"), SceneArguments(scene), file.began)
-        saver = Autosaver(Count(), file, about)
-        run(row, saver, 1)
+        saver = Autosaver(file, about)
+        run(row, Count(), 1, [saver])
         time = row.lead.simulation.time
-        run(row, saver, 5)
+        run(row, Count(), 5, [saver])
         hold.set()
         raise BlowUpError("test")
     assert len(threads) == 1 and threads[0] is not threading.main_thread()

@@ -12,6 +12,7 @@ from msph.measure.timings import Timings
 from msph.scene import load_scene
 from msph.stage import commands, loaded_scene
 from msph.stage.choice import Choice, SceneArguments
+from msph.stage.controls import Controls
 from msph.stage.input_relays import InputRecorder, Replayer
 from msph.stage.layout import Layout
 from msph.stage.loop import Audience, run
@@ -74,7 +75,7 @@ def session(folder, scene):
     row, arguments = Row([show]), SceneArguments(scene, OVERRIDES)
     window.player = Player(window, row, Choice(scene, "large"), Layout(SIZE), arguments)
     header = Header.of(scene, "large", OVERRIDES)
-    run(row, InputRecorder(window.player, path, header), FRAMES)
+    run(row, window.player, FRAMES, [InputRecorder(path, header)])
     state = show.simulation.state()
     row.close()
     return path, state
@@ -124,7 +125,8 @@ def test_a_headless_replay_equals_the_session_bit_for_bit(played, tmp_path):
     recording, count = read(path), Count()
     row = Row([Show(load_scene(recording.header.scene, OVERRIDES), FRAME, **SIMULATED)])
     again = tmp_path / "again.jsonl"
-    run(row, InputRecorder(Replayer(count, recording), again, recording.header))
+    recorder = InputRecorder(again, recording.header)
+    run(row, Replayer(count, recording), witnesses=[recorder])
     same(row.lead.simulation.state(), state)
     assert count.frames == recording.moving
     row.close()
@@ -269,9 +271,10 @@ def test_a_replay_with_another_scene_name_is_refused(played):
 def test_continuing_from_a_checkpoint_ends_a_recording(tmp_path):
     show = Show(load_scene(write(tmp_path, SCENE), OVERRIDES), FRAME, **SIMULATED)
     row, path = Row([show]), tmp_path / "input.jsonl"
-    recorder = InputRecorder(Count(), path, Header.of("pool", "large"))
+    recorder, controls = InputRecorder(path, Header.of("pool", "large")), Controls()
     for k in range(4):
-        row.frame(recorder.controls(row))
+        recorder.given(row, controls)
+        row.frame(controls)
         recorder.observe(row)
         if k == 1:
             show.simulation.time += 1.0

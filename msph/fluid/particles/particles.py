@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
+from msph.host_memory import memory_of
 from msph.launches import data_oriented, kernel
 
 
@@ -80,8 +81,8 @@ class Particles:
         carried = [a for a in every.values() if a.carried]
         self._pairs = [(self.fields[a.name], a.allocate(room)) for a in carried]
         self.inherited = tuple(self.fields[a.name] for a in carried if a.inherited)
-        # Names of the vectors, scalars and integers: columns of the tables by which fill() and
-        # state() exchange all attributes with the host.
+        # Names of the vectors, scalars and integers: columns of the tables by which fill()
+        # writes all attributes on a GPU.
         self._names = (
             [a.name for a in every.values() if a.width == 3],
             [a.name for a in every.values() if a.width == 1 and not a.integer],
@@ -105,12 +106,27 @@ class Particles:
         if n > self.capacity:
             raise ValueError(f"{n} particles exceed the capacity of {self.capacity}")
         values.setdefault("id", np.arange(n, dtype=np.int32))
-        vectors, numbers, integers = self._tables(n)
-        for table, names in zip((vectors, numbers, integers), self._names, strict=True):
+        memories = {name: memory_of(field) for name, field in self.fields.items()}
+        if all(memories.values()):
+            for name, memory in memories.items():
+                rows = memory.allocated()
+                rows[:n] = values[name].reshape(n, memory.number) if name in values else 0
+                rows[n : self.touched] = 0
+        else:
+            self._fill_by_kernel(n, values)
+        self.count, self.touched = n, self.capacity
+
+    def _fill_by_kernel(self, n: int, values: dict[str, np.ndarray]) -> None:
+        vectors, numbers, integers = map(len, self._names)
+        tables = (
+            np.zeros((n, vectors, 3), np.float32),
+            np.zeros((n, numbers), np.float32),
+            np.zeros((n, integers), np.int32),
+        )
+        for table, names in zip(tables, self._names, strict=True):
             for column, name in enumerate(names):
                 table[:, column] = values.get(name, 0)
-        self._write(vectors, numbers, integers, n, self.touched)
-        self.count, self.touched = n, self.capacity
+        self._write(*tables, n, self.touched)
 
     def extend(self, x: np.ndarray, v: np.ndarray, layer: int, opening: int = 0) -> None:
         """Adds particles of a layer at x [m] with velocities v [m/s], (n, 3), in the zone of an
@@ -138,15 +154,6 @@ class Particles:
             for axis in ti.static(range(3)):
                 self.x[i][axis], self.v[i][axis] = x[k, axis], v[k, axis]
 
-    def _tables(self, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Returns zeroed tables for the vectors, scalars and integers of n particles."""
-        vectors, numbers, integers = map(len, self._names)
-        return (
-            np.zeros((n, vectors, 3), np.float32),
-            np.zeros((n, numbers), np.float32),
-            np.zeros((n, integers), np.int32),
-        )
-
     @kernel
     def _write(
         self,
@@ -170,27 +177,12 @@ class Particles:
             for field in ti.static(self._every):
                 field[i] = 0
 
-    @kernel
-    def _read(
-        self,
-        vectors: ti.types.ndarray(dtype=ti.f32, ndim=3),
-        numbers: ti.types.ndarray(dtype=ti.f32, ndim=2),
-        integers: ti.types.ndarray(dtype=ti.i32, ndim=2),
-        n: ti.i32,
-    ):
-        """Reads all attributes into the tables."""
-        for i in range(n):
-            for column, field in ti.static(enumerate(self._vectors)):
-                for k in ti.static(range(3)):
-                    vectors[i, column, k] = field[i][k]
-            for column, field in ti.static(enumerate(self._numbers)):
-                numbers[i, column] = field[i]
-            for column, field in ti.static(enumerate(self._integers)):
-                integers[i, column] = field[i]
-
     def numpy(self, name: str) -> np.ndarray:
         """Returns one attribute of the live particles, (count,) or (count, 3)."""
         vectors, numbers, integers = self._names
+        if memory := memory_of(self.fields[name]):
+            found = memory.allocated()[: self.count].copy()
+            return found if memory.number > 1 else found[:, 0]
         if name in vectors:
             found = np.empty((self.count, 3), np.float32)
             self._read_vector(vectors.index(name), found, self.count)
@@ -250,14 +242,7 @@ class Particles:
 
     def state(self) -> dict[str, np.ndarray]:
         """Returns every carried attribute of the live particles, for checkpoints."""
-        tables = self._tables(self.count)
-        self._read(*tables, self.count)
-        return {
-            name: table[:, column].copy()
-            for table, names in zip(tables, self._names, strict=True)
-            for column, name in enumerate(names)
-            if name in self.attributes and self.attributes[name].carried
-        }
+        return {name: self.numpy(name) for name, a in self.attributes.items() if a.carried}
 
     @kernel
     def compact(self, target: ti.template(), alive: ti.template(), n: ti.i32):
