@@ -248,11 +248,10 @@ class WaterShader:
         size, lace = shot.size.max(), 0.0
         film = 1.0 - ti.exp(-thickness / (FILM * size))
         q = LACE * p / size * vec3(1.0, STREAKED, 1.0)
-        for k in range(2):
-            # Two planes across each other: no direction has stripes.
-            lace += noise(vec2(q.x + 0.7 * q.z, q.y)) / (2.0 + 2.0 * k)
-            lace += noise(vec2(q.z - 0.7 * q.x, 1.7 * q.y)) / (2.0 + 2.0 * k)
-            q *= 2.1
+        for k in range(4):
+            # Planes across each other: no direction has stripes.
+            lace += noise(vec2(q.x + 0.7 * q.z, q.y)) / (2.0 + 2.0 * (k // 2))
+            q = vec3(q.z, 1.7 * q.y, -q.x)
         milk = MILK * ti.math.smoothstep(0.4, 1.1, lace) * (1.0 - thickness / (LUMP * size))
         return film * film, film * milk
 
@@ -314,10 +313,10 @@ class WaterShader:
             colour *= SUN_LIGHT * light.x + SKY_LIGHT * light.y
         else:
             sheen = ti.max(r.dot(shot.sun), 0.0)
-            for _ in ti.static(range(SHEEN_GLOSS)):
+            for _ in range(SHEEN_GLOSS):
                 sheen *= sheen
             glint = sheen
-            for _ in ti.static(range(GLINT_GLOSS)):
+            for _ in range(GLINT_GLOSS):
                 glint *= glint
             sunny = ti.select(cut, 0.0, GLINT * glint + SHEEN * sheen)
             detail = not cut and sheen > NEAR_GLINT

@@ -62,9 +62,10 @@ class Wetness:
             c = self.place(self.mesh.vertices[v])
             first = ti.min(ti.floor(c), self.numbers.last[None] - 1.0)
             f = c - first
-            for corner in ti.static(ti.ndrange(2, 2, 2)):
-                found = ti.min(SHARPNESS * (1.0 - (f - ti.Vector(corner)).norm_sqr()), 1.0)
-                node = ti.cast(first, ti.i32) + ti.Vector(corner)
+            for k in range(8):
+                corner = ti.Vector([k >> 2, k >> 1 & 1, k & 1])
+                found = ti.min(SHARPNESS * (1.0 - (f - corner).norm_sqr()), 1.0)
+                node = ti.cast(first, ti.i32) + corner
                 if found > self.wet[node]:  # a plain read first: most vertices add nothing
                     ti.atomic_max(self.wet[node], found)
 

@@ -257,7 +257,7 @@ class MarchingCubes:
     def case(self, low, high, k):
         """Returns the sign bits of the eight corners of the k-th cell of a word."""
         found = ti.u32(0)
-        for c in ti.static(range(4)):
+        for c in range(4):
             found |= ((low[c] >> ti.cast(k, ti.u32)) & ti.u32(1)) << ti.u32(c)
             found |= ((high[c] >> ti.cast(k, ti.u32)) & ti.u32(1)) << ti.u32(c + 4)
         return ti.cast(found, ti.i32)
