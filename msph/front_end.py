@@ -66,7 +66,8 @@ def logged(compile_: Callable[[], Any]) -> tuple[Any, bool, str]:
     except OSError:  # closed
         return compile_(), False, ""
     with tempfile.TemporaryFile() as file:
-        sys.stderr.flush()
+        if sys.stderr:
+            sys.stderr.flush()
         os.dup2(file.fileno(), 2)
         ti.set_logging_level(ti.DEBUG)
         try:
