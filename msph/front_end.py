@@ -16,6 +16,8 @@ from msph.taichi_internals import ASTTransformer, ASTTransformerContext, kernel_
 
 # Line of Taichi's log for a kernel that it reads from its cache ("Create") or compiles ("Cache").
 LOG = re.compile(r"\b(Create|Cache) kernel '.*?' .*?\(key='(\w+)'\)")
+# Lines of its log below the level of errors.
+QUIET = re.compile(r"\[[TDIW] ")
 # Name of the type of a kernel's result in a body of replaced().
 RESULT = "_result"
 
@@ -66,19 +68,29 @@ def logged(compile_: Callable[[], Any]) -> tuple[Any, bool, str]:
     except OSError:  # closed
         return compile_(), False, ""
     with tempfile.TemporaryFile() as file:
-        sys.stderr.flush()
+        _flush()
         os.dup2(file.fileno(), 2)
         ti.set_logging_level(ti.DEBUG)
         try:
             result = compile_()
         finally:
             ti.set_logging_level(ti.ERROR)
+            _flush()
             os.dup2(stderr, 2)
             os.close(stderr)
-        file.seek(0)
-        found = LOG.findall(file.read().decode(errors="replace"))
+            file.seek(0)
+            text = file.read().decode(errors="replace")
+            for line in text.splitlines():
+                if not QUIET.match(line):
+                    print(line, file=sys.stderr)
+    found = LOG.findall(text)
     how, key = found[-1] if found else ("", "")
     return result, how == "Create", key
+
+
+def _flush() -> None:
+    if sys.stderr:
+        sys.stderr.flush()
 
 
 def _attribute(context: Any, node: Any) -> Any:
