@@ -252,7 +252,7 @@ class WaterShader:
             # Planes across each other: no direction has stripes.
             lace += noise(vec2(q.x + 0.7 * q.z, q.y)) / (2.0 + 2.0 * (k // 2))
             q = vec3(q.z, 1.7 * q.y, -q.x)
-        milk = MILK * ti.math.smoothstep(0.4, 1.1, lace) * (1.0 - thickness / (LUMP * size))
+        milk = MILK * ti.math.smoothstep(0.4, 1.1, lace) * (1.0 - thickness / (LUMP * size)) ** 2
         return film * film, film * milk
 
     @ti.func

@@ -197,12 +197,22 @@ def test_the_level_map_has_no_gaps_under_a_coarse_mesh(picture, mesh):
     np.testing.assert_allclose(level, LEVEL, atol=1e-6)
 
 
-def test_water_in_the_air_is_lighter_than_the_wall_behind(picture, mesh):
-    centre = np.array((0.5, 0.45, 0.5))
-    mesh.fill(*ball(centre, 0.03))
-    picture.draw_water(Camera(centre, 0.6, 0.3, 0.25))
-    change = (canvas_of(picture) - backdrop_of(picture)[..., :3]).mean(-1)
-    assert change[covered(picture.raster)].mean() > 0.03
+def test_bubbles_whiten_thin_water_in_the_air_but_not_a_lump(picture, mesh):
+    centre, found = np.array((0.5, 0.45, 0.5)), []
+    picture.load(WIDTH, HEIGHT, BOX, Look(refractive_index=1.0, reflection=0.0, tint=0.0))
+    for radius in (0.02, 0.15):
+        view = Camera(centre, 0.6, 0.3, 10.0 * radius, 0.3)
+        mesh.counts.fill(0)
+        picture.draw_water(view)
+        empty = canvas_of(picture)
+        mesh.fill(*ball(centre, radius))
+        picture.draw_water(view)
+        change = (canvas_of(picture) - empty).mean(-1)
+        i, j = np.nonzero(covered(picture.raster))
+        inside = np.hypot(i - i.mean(), j - j.mean()) < 0.5 * (np.ptp(i) / 2)
+        found.append(change[i[inside], j[inside]].mean())
+    picture.load(WIDTH, HEIGHT, BOX)
+    assert found[0] > 0.1 and found[1] < 0.01, found
 
 
 def test_the_nearer_particle_hides_the_farther_particle(picture, particles):
