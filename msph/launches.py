@@ -366,7 +366,9 @@ class _Launcher:
             compiled = compile_(found)
         else:
             impl.get_runtime().materialize()
-            identity = [function.__module__, function.__qualname__, _serial or serial, options]
+            # The file, since another copy of this program may share the cache.
+            where = function.__code__.co_filename, function.__qualname__
+            identity = [*where, _serial or serial, options]
             templates = [self.owner, *(args[place] for place in self.templates)]
             result = "" if not self.getter else "0" if self.length is None else RESULT
             found, compiled = _stubs.compiled(identity, templates, result, trace, compile_)

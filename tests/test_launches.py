@@ -171,7 +171,9 @@ def test_on_cuda_loops_of_few_particles_have_few_blocks(monkeypatch) -> None:
         traits.particles = particles
         scaled.fill(SIZE, scaled.one, False, 1.5)
         assert scaled.one.to_numpy().tolist() == [3.0] * SIZE
-    assert blocks == [BLOCKS, FEW_BLOCKS] and getattr(config, GRID) == before == BLOCKS
+    # A kernel without a stub from an earlier process is compiled with its stub.
+    assert list(dict.fromkeys(blocks)) == [BLOCKS, FEW_BLOCKS]
+    assert getattr(config, GRID) == before == BLOCKS
 
 
 def test_vectors_reach_the_kernel_in_order(pair) -> None:

@@ -105,6 +105,17 @@ def test_the_second_process_traces_nothing_until_a_constant_changes(program: Pro
     assert program.run() == (601.0, True)
 
 
+def test_another_copy_of_a_program_has_stubs_of_its_own(program: Program, tmp_path: Path) -> None:
+    """Regression: a copy found the kernel of the other copy, whose files had not changed."""
+    (tmp_path / "copy").mkdir()
+    copy = Program(tmp_path / "copy")
+    copy.cache = program.cache
+    copy.write("helper", HELPER.replace("SCALE * x", "SCALE * x + 1.0"))
+    assert program.run() == (61.0, True)
+    assert copy.run() == (64.0, True)
+    assert [program.run(), copy.run()] == [(61.0, False), (64.0, False)]
+
+
 @pytest.mark.slow
 def test_whatever_the_front_end_reads_makes_a_stub_stale(program: Program) -> None:
     program.run()

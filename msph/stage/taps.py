@@ -63,14 +63,20 @@ def _open(touch: Touch, centre: np.ndarray, speed: float, enters: bool) -> None:
         raise FullError(f"there is no room here: the opening {error}") from None
 
 
-def close(sim: Simulation) -> None:
-    """Removes the opening of the last press."""
-    for opening in sim.added_openings:
-        sim.remove_opening(opening)
+def close(sim: Simulation, closed_only: bool = False) -> None:
+    """Removes the opening of the last press, or only one that has closed since: bodies would get
+    stuck in the pipe of a closed tap, whose water rests."""
+    for opening, valve in _openings(sim):
+        if not closed_only or valve.until <= sim.time:
+            sim.remove_opening(opening)
 
 
 def _keep_open(touch: Touch) -> Hand:
-    for opening in touch.simulation.added_openings:
-        assert isinstance(opening.speed, Valve)
-        opening.speed.until = touch.simulation.time + HOLD * touch.step
+    for _, valve in _openings(touch.simulation):
+        valve.until = touch.simulation.time + HOLD * touch.step
     return Hand()
+
+
+def _openings(sim: Simulation) -> list[tuple[Opening, Valve]]:
+    """Returns the openings that the user added, and their valves."""
+    return [(o, o.speed) for o in sim.added_openings if isinstance(o.speed, Valve)]

@@ -150,8 +150,8 @@ class Toolbox:
         self.note = ""
 
     def frame(self, use: ToolUse | None, play: Play, box: MovingBox, step: float) -> Hand:
-        """Uses a tool in a frame of `step` [s], if any, moves the wall that the user drags, and
-        returns the tool's hand."""
+        """Uses a tool in a frame of `step` [s], if any, removes a tap or drain that has closed,
+        moves the wall that the user drags, and returns the tool's hand."""
         hand, asked = Hand(), None
         self.ball, self.note = None, ""
         if use is None:
@@ -167,5 +167,6 @@ class Toolbox:
             except FullError as error:
                 self.note = str(error)
             asked = self.touch.wall
+        taps.close(self.simulation, closed_only=True)
         pistons.follow(self.simulation, least_gravity(box), step, asked)
         return hand

@@ -8,6 +8,7 @@ import taichi as ti
 
 from msph.expressions import ExpressionError
 from msph.fluid.boundary.opening import ZONE, Opening, Valve
+from msph.fluid.boundary.rigid_bodies import Ball
 from msph.fluid.constants import MAX_OPENINGS
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.simulation import OpeningError, Simulation
@@ -357,6 +358,19 @@ def test_a_run_ends_where_the_speed_of_an_inflow_is_no_number():
     assert made.speed(0.2) > 0.0
     with pytest.raises(ExpressionError, match=r"inflows\.0\.speed: .* not a number at t = 0.301 s"):
         made.speed(0.301)
+
+
+def test_a_wall_shows_no_body_to_water_in_a_pipe_beyond_it():
+    """A ball above an inflow does not raise densities in its pipe. Regression: the floor
+    mirrored the ball into the pipe, to 1.9 times the rest density."""
+    ball = Ball(np.array((0.2, 0.105, 0.2)), 0.08)
+    more = {"openings": [disc(FLOOR, UP, True, 0.5)], "bodies": [ball], "capacity": 4000}
+    sim = water(SIZE, [spec_of(D)], block_of((0.4, 0.2, 0.4), D), **more)
+    sim.measure_density()
+    in_pipe = sim.particles.numpy("x")[:, 1] < 0.0
+    assert in_pipe.sum() > 5
+    assert sim.particles.numpy("density")[in_pipe].max() < 1.1 * 1000.0
+    sim.close()
 
 
 def test_an_inflow_in_a_body_is_refused():

@@ -133,6 +133,7 @@ class BodyLinks:
         for i in range(n):
             x, h = p.x[i], self.boundary.support[p.layer[i]]
             near = self.mirror.walls_near(x, h) & self._mirroring_walls()
+            near &= ~self.mirror.apertures.beyond(x)
             combinations = self.mirror.combinations(near)
             count = 0
             for number in range(combinations):
