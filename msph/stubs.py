@@ -16,6 +16,7 @@ import contextlib
 import functools
 import hashlib
 import json
+import linecache
 import os
 import sys
 import tempfile
@@ -185,8 +186,9 @@ def file_contents(path: Path) -> str:
 
 @functools.cache
 def file_digest(name: str) -> str:
-    """Returns the digest of a file of source, which this process has read."""
-    return file_contents(Path(name))
+    """Returns the digest of a file of source, of the lines that the front end has read or will
+    read, also if the file changes while the process runs."""
+    return hashlib.sha256("".join(linecache.getlines(name)).encode()).hexdigest()
 
 
 def _read(path: list[str], arguments: list[Any]) -> Any:
