@@ -124,6 +124,7 @@ def test_few_particles_make_loops_serial(monkeypatch) -> None:
     """Of four launches with different numbers of particles, the second compiles serial loops, which
     the fourth reuses; the first and the third have parallel loops."""
     built = []
+    monkeypatch.setattr(launches, "_stubs", None)  # a kernel that is found is not traced
     monkeypatch.setattr(launches, "_serial", False)  # as with several threads
     serialize = launches.serialize
     monkeypatch.setattr(launches, "serialize", lambda context: built.append(serialize(context)))
@@ -160,6 +161,7 @@ def test_on_cuda_loops_of_few_particles_have_few_blocks(monkeypatch) -> None:
             blocks.append(getattr(config, GRID))
             yield config
 
+    monkeypatch.setattr(launches, "_stubs", None)  # a kernel that is found is not traced
     monkeypatch.setattr(launches, "_serial", False)  # as with several threads
     monkeypatch.setattr(launches, "on_cpu", lambda: False)
     monkeypatch.setattr(launches, "on_cuda", lambda: True)
