@@ -106,10 +106,8 @@ class Ours(Water):
         return self.simulation.particles.numpy("pressure").astype(float)
 
     def set_velocities(self, v: np.ndarray) -> None:
-        particles = self.simulation.particles
-        padded = np.zeros((particles.capacity, 3), np.float32)
-        padded[: len(v)] = v
-        particles.v.from_numpy(padded)
+        field = self.simulation.particles.v
+        field.from_numpy(np.pad(v.astype(np.float32), ((0, field.shape[0] - len(v)), (0, 0))))
 
     def snapshot(self) -> Snapshot:
         return Snapshot.of(self.simulation)
