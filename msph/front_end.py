@@ -18,7 +18,7 @@ from msph.taichi_internals import ASTTransformer, ASTTransformerContext, kernel_
 LOG = re.compile(r"\b(Create|Cache) kernel '.*?' .*?\(key='(\w+)'\)")
 # Lines of its log below the level of errors.
 QUIET = re.compile(r"\[[TDIW] ")
-# Name of the type of a kernel's result in a body of replaced().
+# Name of the type of a kernel's result in the code that replaced() is given.
 RESULT = "_result"
 
 
@@ -80,7 +80,7 @@ def logged(compile_: Callable[[], Any]) -> tuple[Any, bool, str]:
             os.close(stderr)
             file.seek(0)
             text = file.read().decode(errors="replace")
-            for line in text.splitlines():
+            for line in text.splitlines() if sys.stderr else ():
                 if not QUIET.match(line):
                     print(line, file=sys.stderr)
     found = LOG.findall(text)

@@ -370,7 +370,7 @@ class _Launcher:
             where = function.__code__.co_filename, function.__qualname__
             identity = [*where, _serial or serial, options]
             templates = [self.owner, *(args[place] for place in self.templates)]
-            result = "" if not self.getter else "0" if self.length is None else RESULT
+            result = "" if not self.getter else "0" if self.length is None else f"{RESULT}(0)"
             found, compiled = _stubs.compiled(identity, templates, result, trace, compile_)
         return compiled, found.make_launch_context, program
 

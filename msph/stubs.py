@@ -22,7 +22,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from types import FunctionType, MethodType, ModuleType
+from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,7 @@ import taichi as ti
 from taichi.lang.matrix import MatrixType
 from taichi.lang.struct import StructType
 
-from msph.front_end import RESULT, logged, recorded, replaced
+from msph.front_end import logged, recorded, replaced
 from msph.taichi_internals import core
 
 # Taichi's files of compiled kernels in its cache folder, and the folder of the records there.
@@ -103,7 +103,10 @@ class Record:
 
 
 def is_foreign(value: Any) -> bool:
-    """Returns True for modules, functions and types of Taichi, Python and NumPy."""
+    """Returns True for modules, functions and classes of Taichi, Python and NumPy, whose instances
+    (struct types, matrices, fields) are values of this program."""
+    if not isinstance(value, ModuleType | type | FunctionType | BuiltinFunctionType):
+        return False
     module = value.__name__ if isinstance(value, ModuleType) else getattr(value, "__module__", "")
     return str(module).split(".")[0] in FOREIGN
 
@@ -208,14 +211,14 @@ def _fits(record: dict[str, Any], arguments: list[Any]) -> bool:
         return all(
             digest(_read(path, arguments)) == known for path, known in record["values"]
         ) and all(file_digest(name) == known for name, known in record["files"].items())
-    except (LookupError, AttributeError, UnknownValueError):
+    except (LookupError, AttributeError, TypeError, ValueError, UnknownValueError):
         return False
 
 
-def _body(record: dict[str, Any], result: str) -> str:
-    """Returns the body of a record's stub, which returns `result`: the record's digest, in numbers
-    that have no effect."""
-    text = json.dumps([record["values"], record["files"]]).encode()
+def _body(kernel: str, record: dict[str, Any], result: str) -> str:
+    """Returns the body of the stub of a kernel's record, which returns `result`: the digest of
+    both, in numbers that have no effect."""
+    text = json.dumps([kernel, record["values"], record["files"]]).encode()
     number = int.from_bytes(hashlib.sha256(text).digest(), "big")
     words = [(number >> shift) & ((1 << WORD) - 1) for shift in range(0, 256, WORD)]
     lines = [f"_{k} = {word}" for k, word in enumerate(words)]
@@ -243,16 +246,15 @@ class Stubs:
         """Returns a kernel, or its stub, and the compiled kernel.
 
         identity: of the kernel and the compiler's options; arguments: template arguments; result:
-        "0" for a number, RESULT for a vector, "" for none; trace(stub) traces the kernel or a copy
+        code of a result of the kernel's type, "" for none; trace(stub) traces the kernel or a copy
         of it, which becomes the stub; compile_(kernel) compiles it.
         """
         text = json.dumps([*self._environment, *identity], default=str)
         path = self.records / f"{hashlib.sha256(text.encode()).hexdigest()}.json"
-        result = f"{RESULT}(0)" if result == RESULT else result
         fitting = (record for record in read_records(path) if _fits(record, arguments))
         known = next(fitting, None)
         if known and self._is_intact(known):
-            with replaced(_body(known, result)):
+            with replaced(_body(path.stem, known, result)):
                 stub = trace(True)
             compiled, read, key = logged(lambda: compile_(stub))
             if read and key == known["stub"] and self._is_intact(known):
@@ -263,7 +265,7 @@ class Stubs:
         compiled, _, key = logged(lambda: compile_(kernel))
         if key and not reads.failure:
             record = reads.as_json()
-            with replaced(_body(record, result)):
+            with replaced(_body(path.stem, record, result)):
                 stub = trace(True)
             self.written.append((path, record, key, logged(lambda: compile_(stub))[2]))
         return kernel, compiled
@@ -290,9 +292,10 @@ class Stubs:
 def read_records(path: Path) -> list[dict[str, Any]]:
     """Returns the records in a file, none if it does not exist or is damaged."""
     try:
-        return json.loads(path.read_bytes())
+        found = json.loads(path.read_bytes())
     except (OSError, ValueError):
-        return []
+        found = []
+    return found if isinstance(found, list) else []
 
 
 def _write(path: Path, contents: bytes) -> None:

@@ -1,14 +1,18 @@
 """Tests that no command changes an existing file, whatever the names of its outputs."""
 
 import contextlib
+import tempfile
+from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from msph import cli
 from msph.errors import MsphError
 from msph.lesson import commands as lesson_commands
 from msph.stage import commands, loaded_scene
-from tests.scenes_kit import TEXT, write
+from tests.scenes_kit import TEXT, examples, write
 
 SCENE = f"""{TEXT}
 [[probes]]
@@ -54,6 +58,11 @@ def one_taichi():
         yield
 
 
+@pytest.fixture(scope="module")
+def one_folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("kept")
+
+
 def run(command, folder):
     short = SHORT if command in ("capture", "measure", "bench") else ()
     with contextlib.redirect_stdout(None):
@@ -97,6 +106,24 @@ def test_an_existing_output_is_refused_and_nothing_is_written(command, tmp_path,
         with pytest.raises(MsphError, match="exists; --force overwrites it"):
             run(command, folder)
         assert added(before, folder) == set()
+
+
+@examples(60)
+@given(st.sampled_from(sorted(COMMANDS)), st.data())
+def test_any_files_are_unchanged(one_folder, command, data):
+    """A command is refused and changes no file if an output with content exists, whatever other
+    files exist."""
+    names = COMMANDS[command][1]
+    taken = data.draw(st.sets(st.sampled_from(names), min_size=1))
+    beside = data.draw(st.sets(st.sampled_from(decoys(names)), max_size=6))
+    folder = Path(tempfile.mkdtemp(dir=one_folder))
+    filled(folder, ())
+    for name in taken | beside:
+        (folder / name).write_bytes(data.draw(st.binary(min_size=1, max_size=40)))
+    before = {path: path.read_bytes() for path in folder.iterdir()}
+    with pytest.raises(MsphError, match="exists; --force overwrites it"):
+        run(command, folder)
+    assert added(before, folder) == set()
 
 
 def test_force_overwrites(tmp_path):

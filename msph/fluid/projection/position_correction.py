@@ -224,7 +224,7 @@ class PositionCorrection:
             d, speed = self.layers.spacing[p.layer[i]], p.v[i].norm()
             relative = ti.math.clamp(p.relative_speed[i], speed / MOTION_FACTOR, speed)
             if p.predicted_density[i] < self.constants.spray[None] * rest_density:
-                speed /= SPRAY_MOTION_FACTOR  # also in the distance
+                speed /= SPRAY_MOTION_FACTOR  # in the distance, too
                 relative = speed
             # Compared first, since a GPU executes atomic maxima of one number one by one.
             if speed * dt / d > longest:
