@@ -1,5 +1,7 @@
 """Tests of a lesson with a simulation in a window double: keys, mouse, and ignored input."""
 
+import random
+
 import numpy as np
 import pytest
 
@@ -9,12 +11,14 @@ from msph.lesson.paint import band_height
 from msph.picture.overlay import Overlay
 from msph.stage import idle
 from msph.stage.choice import Choice, SceneArguments
+from msph.stage.keys import ACTIONS
 from msph.stage.layout import Layout
 from msph.stage.page import Page
 from msph.stage.player import Player
 from msph.stage.preparation import named, place, prepare_row
 from msph.stage.sheet import Sheet, text_height
-from tests.stage.player_kit import HEIGHT, SIZE, Screen, frames, press
+from tests.stage.player_kit import HEIGHT, SIZE, WIDTH, Screen, frames, press
+from tests.tiers import slow_but
 
 
 @pytest.fixture(scope="module")
@@ -132,3 +136,31 @@ def test_preparation_names_each_simulation():
         "System 1 (1 of 2): building the scene",
         "System 2 (2 of 2): building the scene",
     ]
+
+
+@pytest.mark.parametrize("seed", slow_but([1], [1, 2]))
+def test_random_input_in_a_lesson_loses_no_water(player, row, seed):
+    dice, window = random.Random(seed), player.window
+    keys = [k for k in ACTIONS if ACTIONS[k] not in ("quit", "clip", "picture")] + ["b", "c"]
+    press(player, row, "a", "n")
+    mass = row.lead.ledger.entries[0].mass
+    for _ in range(120):
+        for _ in range(4):
+            kind = dice.randrange(4)
+            if kind == 0:
+                window.pressed.append(dice.choice(keys))
+            elif kind == 1:
+                window.held ^= {dice.choice(["LMB", "RMB", "MMB", "Left", "Up", "a", "w"])}
+                window.pressed += [b for b in ("LMB", "RMB", "MMB") if b in window.held]
+            elif kind == 2:
+                window.at = np.array([dice.uniform(-0.3, 1.3), dice.uniform(-0.3, 1.3)])
+            else:
+                window.at = np.array([dice.uniform(0.6, 1.0), dice.uniform(0.2, 0.38)])
+        frames(player, row)
+        progress = player.guide.progress
+        assert 0 <= progress.page < progress.pages
+        for slider in progress.lesson.slider:
+            assert slider.lo <= progress.values[slider.name] <= slider.hi
+    assert player.window.image.to_numpy().shape == (WIDTH, HEIGHT, 3)
+    entry = row.lead.ledger.record(row.lead.gravity())
+    assert entry.mass == pytest.approx(mass, rel=1e-6) and entry.outside == 0
