@@ -66,7 +66,7 @@ def start(arch: str = "auto", threads: int | None = None, tested: bool = False) 
         # Otherwise Taichi imports this module at the first kernel, where an interrupt is lost.
         import taichi.lang.matrix_ops
 
-        from msph.launches import BLOCKS, keep_stubs, serialize_loops, use_stubs
+        from msph.launches import BLOCKS, serialize_loops
         from msph.taichi_internals import GRID, cache_folder, end, on_cpu
 
     automatic = [ti.cpu] if sys.platform == "darwin" else [ti.cuda, ti.cpu]
@@ -89,11 +89,9 @@ def start(arch: str = "auto", threads: int | None = None, tested: bool = False) 
     with importing(), contextlib.redirect_stdout(io.StringIO()):
         ti.init(arch=wanted, log_level=ti.ERROR, **options)
     # Taichi writes its kernel cache when its program is destroyed, which the end of Python does not
-    # always do. Functions are called in the reverse order.
-    atexit.register(keep_stubs)
+    # always do.
     atexit.register(end)
     if on_cpu():
-        use_stubs(cache_folder())
         # Taichi's control-flow analysis and its search for common subexpressions take more than
         # half of the compile time and gain nothing: LLVM removes the same loads and operations.
         ti.cfg.cfg_optimization, ti.cfg.opt_level = False, 0

@@ -11,7 +11,6 @@ import functools
 import itertools
 import math
 from collections.abc import Callable
-from pathlib import Path
 from time import perf_counter
 from typing import Any
 
@@ -32,8 +31,6 @@ from msph.taichi_internals import (
 )
 
 if not PLAIN:
-    from msph.front_end import RESULT
-    from msph.stubs import Stubs
     from msph.taichi_internals import ASTTransformer, AutodiffMode, Kernel, impl, ndarray_type
 
 VECTOR = type(ti.math.vec3)
@@ -101,8 +98,6 @@ class Traits:
 # Traits of the objects that are created now, and True while all compiled loops become serial.
 _traits = Traits()
 _serial = False
-# Stubs of kernels, None without.
-_stubs: Any = None
 # Elapsed time [s] spent on compiling kernels.
 _compiling = 0.0
 # True in run_in_steps(); kernels that it compiled, but has not launched.
@@ -119,19 +114,6 @@ def use_traits(traits: Traits):
         yield
     finally:
         _traits = before
-
-
-def use_stubs(folder: Path | None) -> None:
-    """Finds kernels by stubs in the folder of Taichi's kernel cache, not at all if it is None. No
-    effect with plain Taichi."""
-    global _stubs
-    _stubs = Stubs(folder) if folder and not PLAIN else None
-
-
-def keep_stubs() -> None:
-    """Writes the stubs of this process, once Taichi has ended."""
-    if _stubs:
-        _stubs.keep()
 
 
 def serialize_loops() -> None:
@@ -340,38 +322,21 @@ class _Launcher:
         for a scene of few particles or another."""
         for watcher in _watchers:
             watcher(f"{type(self.owner).__name__}.{self.taichi.func.__name__.lstrip('_')}")
+        global _serial
         serial = few and on_cpu()
+        before, _serial = _serial, _serial or serial
+        taichi = self.kernel.variant(serial, *self.traits.case)
+        self.traits.asked.clear()
+        try:
+            key = taichi.ensure_compiled(self.owner, *args)
+        finally:
+            _serial = before
+        found, program = taichi.compiled_kernels[key], impl.get_runtime().prog
         options = {EQUAL_PARTS: not self.kernel.heavy}
         if few and not serial:
             options[GRID] = FEW_BLOCKS
-        program, function = impl.get_runtime().prog, self.kernel.function
-        variant = self.kernel.variant(serial, *self.traits.case)
-        self.traits.asked.clear()
-
-        def trace(stub: bool) -> Any:
-            global _serial
-            before, _serial = _serial, _serial or serial
-            taichi = _taichi_kernel(function) if stub else variant
-            try:
-                return taichi.compiled_kernels[taichi.ensure_compiled(self.owner, *args)]
-            finally:
-                _serial = before
-
-        def compile_(found: Any) -> Any:
-            with _compiler_options(program.config(), options) as config:
-                return program.compile_kernel(config, program.get_device_caps(), found)
-
-        if _stubs is None:
-            found = trace(False)
-            compiled = compile_(found)
-        else:
-            impl.get_runtime().materialize()
-            # The file, since another copy of this program may share the cache.
-            where = function.__code__.co_filename, function.__qualname__
-            identity = [*where, _serial or serial, options]
-            templates = [self.owner, *(args[place] for place in self.templates)]
-            result = "" if not self.getter else "0" if self.length is None else f"{RESULT}(0)"
-            found, compiled = _stubs.compiled(identity, templates, result, trace, compile_)
+        with _compiler_options(program.config(), options) as config:
+            compiled = program.compile_kernel(config, program.get_device_caps(), found)
         return compiled, found.make_launch_context, program
 
 

@@ -124,7 +124,6 @@ def test_few_particles_make_loops_serial(monkeypatch) -> None:
     """Of four launches with different numbers of particles, the second compiles serial loops, which
     the fourth reuses; the first and the third have parallel loops."""
     built = []
-    monkeypatch.setattr(launches, "_stubs", None)  # a kernel that is found is not traced
     monkeypatch.setattr(launches, "_serial", False)  # as with several threads
     serialize = launches.serialize
     monkeypatch.setattr(launches, "serialize", lambda context: built.append(serialize(context)))
@@ -161,7 +160,6 @@ def test_on_cuda_loops_of_few_particles_have_few_blocks(monkeypatch) -> None:
             blocks.append(getattr(config, GRID))
             yield config
 
-    monkeypatch.setattr(launches, "_stubs", None)  # a kernel that is found is not traced
     monkeypatch.setattr(launches, "_serial", False)  # as with several threads
     monkeypatch.setattr(launches, "on_cpu", lambda: False)
     monkeypatch.setattr(launches, "on_cuda", lambda: True)
@@ -173,9 +171,7 @@ def test_on_cuda_loops_of_few_particles_have_few_blocks(monkeypatch) -> None:
         traits.particles = particles
         scaled.fill(SIZE, scaled.one, False, 1.5)
         assert scaled.one.to_numpy().tolist() == [3.0] * SIZE
-    # A kernel without a stub from an earlier process is compiled with its stub.
-    assert list(dict.fromkeys(blocks)) == [BLOCKS, FEW_BLOCKS]
-    assert getattr(config, GRID) == before == BLOCKS
+    assert blocks == [BLOCKS, FEW_BLOCKS] and getattr(config, GRID) == before == BLOCKS
 
 
 def test_vectors_reach_the_kernel_in_order(pair) -> None:

@@ -15,11 +15,10 @@ import sys
 from msph.device import start
 start("cpu")
 from taichi.lang.ast.ast_transformer_utils import Builder
-from msph.launches import use_stubs, watch_compiling
+from msph.launches import watch_compiling
 from msph.scene import load_scene
 from msph.stage.controls import Controls
 from msph.stage.preparation import prepare
-use_stubs(None)
 build, nodes, kernels = Builder.__call__, [0], []
 
 def count(self, context, node):
