@@ -91,11 +91,9 @@ class Memory:
 
 def memory_of(field: Any) -> Memory | None:
     """Returns the memory of a field, None where only kernels reach it."""
-    if PLAIN or not on_cpu():
-        return None
     if "host_memory" not in vars(field):
-        memory = Memory(field)
-        field.host_memory = memory if memory.known else None
+        memory = None if PLAIN or not on_cpu() else Memory(field)
+        field.host_memory = memory if memory and memory.known else None
     return field.host_memory
 
 

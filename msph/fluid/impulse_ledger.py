@@ -8,6 +8,7 @@ import taichi as ti
 
 from msph.fluid.room import MAX_BODIES
 from msph.fluid.sums import SLOTS, Sum
+from msph.host_memory import memory_of
 from msph.launches import data_oriented, kernel, small_kernel
 from msph.taichi_internals import longest_float, on_cpu
 
@@ -103,6 +104,13 @@ class ImpulseLedger:
 
     def take_pushes(self, bodies: int) -> np.ndarray:
         """Returns body_push and body_twist, (bodies, 6), and sets them to zero."""
+        memories = memory_of(self.body_push), memory_of(self.body_twist)
+        if all(memories):
+            rows = [memory.array()[:bodies] for memory in memories]
+            taken = np.concatenate(rows, axis=1)
+            for row in rows:
+                row[...] = 0.0
+            return taken
         pushes = np.zeros((bodies, 6), np.float64 if longest_float() == ti.f64 else np.float32)
         self._take_pushes(pushes)
         return pushes.astype(float, copy=False)

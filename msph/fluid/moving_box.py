@@ -11,6 +11,7 @@ from msph.fluid.external_forces import (
     Hand,
     Vec3,
     as_vector,
+    cross,
     rotation_vector,
 )
 
@@ -73,7 +74,7 @@ class MovingBox:
         frame, gravity = self.tilt @ turned, np.array(self.gravity)
         acceleration, spin, rise = self._rates(time, dt)
         spin = self.tilt @ spin
-        rise = self.rising + self.tilt @ rise + np.cross(self.turning, spin)
+        rise = self.rising + self.tilt @ rise + cross(self.turning, spin)
         inertia = np.array(self._gravity(turned)) - gravity - frame.T @ acceleration
         rates = (as_vector(frame.T @ v) for v in (self.turning + spin, rise))
         return ExternalForces(as_vector(gravity), self.hand, *rates, as_vector(inertia))

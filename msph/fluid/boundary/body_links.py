@@ -95,6 +95,7 @@ class BodyLinks:
 
     def find(self) -> None:
         """Finds the links. Raises BlowUpError if there are more than fit."""
+        self.boundary.find_mirrors()
         found = self._find_links(self.particles.count)
         if found > self.capacity:
             raise BlowUpError(
@@ -162,14 +163,14 @@ class BodyLinks:
         """Returns the walls that mirror a body, as bits."""
         found = 0
         for b in range(self.constants.bodies[None]):
-            found |= self.boundary.mirroring[b, BEGIN]
+            found |= self.boundary.mirroring[b]
         return found
 
     @ti.func
     def _reaches(self, b, x, mirrors, h):
         """Returns False if body b is certainly farther than h [m] from the position x [m] mirrored
         by `mirrors`, or is not mirrored by these walls."""
-        mirrored = self.mirror.by_walls(mirrors, self.boundary.mirroring[b, BEGIN]) == mirrors
+        mirrored = self.mirror.by_walls(mirrors, self.boundary.mirroring[b]) == mirrors
         return mirrored and self.boundary.reaches(b, x, h, BEGIN)
 
     @ti.func

@@ -32,9 +32,10 @@ class BodyShapes:
     or the radius of a ball [m]; bounding_radius [m]; first, index of a mesh's distance lattice,
     followed by its share lattices;
     joined, 1 for bodies that may overlap others; inverse_mass [1/kg], 0 for prescribed motion;
-    friction coefficient (-). Tables by body and pose: centre [m]; rotation, body frame to box
+    friction coefficient (-); mirroring, the walls that mirror the body at BEGIN as bits
+    (Mirrors.walls_near). Tables by body and pose: centre [m]; rotation, body frame to box
     frame; velocity [m/s] and spin [rad/s], equal for both poses; inverse_inertia [1/(kg m^2)] in
-    the box frame; mirroring, the walls that mirror the body as bits (Mirrors.walls_near).
+    the box frame.
     """
 
     def __init__(self, room: Room, constants: Constants, layers: Layers):
@@ -49,9 +50,10 @@ class BodyShapes:
         self._poses = DeviceTable(
             (MAX_BODIES, 2),
             **{"centre": vec3, "rotation": ti.math.mat3, "velocity": vec3, "spin": vec3},
-            **{"inverse_inertia": ti.math.mat3, "mirroring": i32},
+            **{"inverse_inertia": ti.math.mat3},
         )
-        for table in (self._shapes, self._poses):
+        self._mirrors = DeviceTable((MAX_BODIES,), mirroring=i32)
+        for table in (self._shapes, self._poses, self._mirrors):
             self.__dict__.update({name: getattr(table, name) for name in table.fields})
         self.samples = SampledFields(room.samples)
 

@@ -156,7 +156,7 @@ class Boundary(BodyShapes):
             kind=[(Block, Ball, Solid).index(type(b)) for b in self.bodies],
             side=np.where(self._inward, -1.0, 1.0),
             half=[half_extents(b) for b in self.bodies],
-            bounding_radius=[bounding_radius(b) for b in self.bodies],
+            bounding_radius=np.array([bounding_radius(b) for b in self.bodies]),
             first=first,
             joined=[self._is_joined(k) for k in range(self.count)],
             friction=[b.friction for b in self.bodies],
@@ -259,9 +259,9 @@ class Boundary(BodyShapes):
         return velocities, spins
 
     def close_together(self, gap: float) -> bool:
-        """Returns True if a body may be within `gap` [m] of a wall or another body."""
-        centres = np.array([self.centre_at_end(b) for b in range(self.count)])
-        reach = np.array([bounding_radius(b) for b in self.bodies]) + gap
+        """Returns True if a body may be within `gap` [m] of a wall or another body at the beginning
+        of the step."""
+        centres, reach = self._at_begin[0], self._shape_rows["bounding_radius"] + gap
         walls = np.minimum(centres, self._walls - centres).min(axis=1)
         apart = np.linalg.norm(centres[:, None] - centres, axis=2)
         np.fill_diagonal(apart, np.inf)
@@ -324,7 +324,8 @@ class Boundary(BodyShapes):
         self.time = time + dt
         if not self.bodies:
             return
-        centres, turns = self._start.copy(), np.tile(np.eye(3), (self.count, 2, 1, 1))
+        centres = self._start.copy()
+        turns = np.zeros((self.count, 2, 3, 3)) + np.eye(3)
         for k in self._driven:
             motion, last = self.bodies[k].motion, self.stopped.get(k, math.inf)
             ends = min(time, last), min(time + dt, last)
@@ -342,29 +343,28 @@ class Boundary(BodyShapes):
             self.velocities[k], self.spins[k] = floating.v, floating.spin
             inverse_inertia[k, BEGIN] = floating.inverse_inertia(floating.turn_begin)
             inverse_inertia[k, END] = floating.inverse_inertia(floating.turn)
-        self._at_end = centres[:, END], turns[:, END]
+        self._at_begin, self._at_end = ((centres[:, p], turns[:, p]) for p in (BEGIN, END))
         self._poses.fill(
             centre=centres,
             rotation=turns,
-            velocity=np.stack([self.velocities] * 2, axis=1),
-            spin=np.stack([self.spins] * 2, axis=1),
+            velocity=self.velocities[:, None].repeat(2, axis=1),
+            spin=self.spins[:, None].repeat(2, axis=1),
             inverse_inertia=inverse_inertia,
-            mirroring=self._mirroring_walls(centres, turns),
         )
 
-    def _mirroring_walls(self, centres: np.ndarray, turns: np.ndarray) -> np.ndarray:
-        """Returns the walls, as bits, that mirror each body in each pose, (bodies, 2): those within
+    def find_mirrors(self) -> None:
+        """Finds the walls that mirror each body at the beginning of the step, as bits: those within
         a kernel's reach that it does not cross."""
-        turned = np.where(self._round[:, None, None, None], np.eye(3), np.abs(turns))
-        out = (turned @ self._half[:, None, :, None])[..., 0]
+        centres, turns = self._at_begin
+        turned = np.where(self._round[:, None, None], np.eye(3), np.abs(turns))
+        out = (turned @ self._half[:, :, None])[..., 0]
         lo, hi = centres - out, centres + out
         for b, corners in self._corners.items():
-            points = corners @ turns[b].reshape(6, 3).T
-            lo[b] = centres[b] + points.min(axis=0).reshape(2, 3)
-            hi[b] = centres[b] + points.max(axis=0).reshape(2, 3)
-        gaps = np.concatenate([lo, self._walls - hi], axis=2)
-        near = (gaps < self._reach) & (gaps > -self._crossing) & ~self._inward[:, None, None]
-        return near @ (1 << np.arange(6))
+            points = corners @ turns[b].T
+            lo[b], hi[b] = centres[b] + points.min(axis=0), centres[b] + points.max(axis=0)
+        gaps = np.concatenate([lo, self._walls - hi], axis=1)
+        near = (gaps < self._reach) & (gaps > -self._crossing) & ~self._inward[:, None]
+        self._mirrors.fill(mirroring=near @ (1 << np.arange(6)))
 
     def free(self, x: np.ndarray, margin: float = 0.0) -> np.ndarray:
         """Returns which points x (n, 3) are at least `margin` outside all bodies [m], (n,) bool."""

@@ -108,10 +108,10 @@ class Collisions:
             shifts = np.zeros((boundary.count, 6), np.float32)
             self._separate(self.count, ITERATIONS, slop, shifts)
             floating.shift(shifts[floating.which].astype(float))
+            boundary.redo(0.5 * dt)
         floating.push(expected[:, :3], expected[:, 3:])
         self.resolve()
         floating.push(-expected[:, :3], -expected[:, 3:])
-        boundary.redo(0.5 * dt)
 
     def resolve(self) -> None:
         """Applies the impulses of the contacts to the present velocities."""

@@ -64,7 +64,8 @@ class Contact:
         """Hands the impulses recorded since the last call to the bodies."""
         if self.boundary.count:
             work = self.boundary.push(self.impulses.take_pushes(self.boundary.count))
-            self.impulses.wall_work.total[None] += work
+            if work:
+                self.impulses.wall_work.total[None] += work
 
     def refresh_clearance(self) -> None:
         """Computes the distance of each particle from the nearest body in the middle of a step."""

@@ -14,7 +14,7 @@ from msph.fluid.boundary.rigid_bodies import (
     inertia,
     rotations,
 )
-from msph.fluid.external_forces import ExternalForces, rotation_vector
+from msph.fluid.external_forces import ExternalForces, cross, rotation_vector
 
 
 class FloatingBodies:
@@ -152,9 +152,9 @@ class FloatingBodies:
             world = self._inertia_in_box()
             own = world @ turn
             torque = -world @ np.array(external.angular_acceleration)
-            torque -= np.cross(turn, own + self.spin_momentum)
+            torque -= cross(turn, own + self.spin_momentum)
             # The other part of the Coriolis torque, which does no work.
-            torque += _times(world, np.cross(spin, turn)) - np.cross(spin, own)
+            torque += _times(world, cross(spin, turn)) - cross(spin, own)
         rate, torque = self.mass[:, None] * rate + self.applied[:, :3], torque + self.applied[:, 3:]
         self.push(dt * rate, dt * torque)
 
@@ -177,8 +177,8 @@ class FloatingBodies:
             return
         r, turn = self.x - box_centre, np.array(external.angular_velocity)
         rise, world = np.array(external.angular_acceleration), self._inertia_in_box()
-        psi = r @ np.array(external.inertia) + 0.5 * (np.cross(turn, r) ** 2).sum(axis=1)
-        euler = (np.cross(rise, r) * self.v).sum(axis=1)
+        psi = r @ np.array(external.inertia) + 0.5 * (cross(turn, r) ** 2).sum(axis=1)
+        euler = (cross(rise, r) * self.v).sum(axis=1)
         twist = ((world @ rise) * self._spin_at(self.turn)).sum(axis=1)
         own = 0.5 * sign * (world @ turn) @ turn - 0.5 * dt * twist
         self.inertia_work += float((self.mass * (sign * psi - 0.5 * dt * euler) + own).sum())
@@ -200,7 +200,7 @@ class FloatingBodies:
 
     def angular_momentum(self) -> np.ndarray:
         """Returns the sum of angular momenta about the origin [kg m^2/s], (3,)."""
-        orbital = np.cross(self.x, self.mass[:, None] * self.v)
+        orbital = cross(self.x, self.mass[:, None] * self.v)
         return (orbital + self.spin_momentum).sum(axis=0)
 
     def kinetic(self) -> float:

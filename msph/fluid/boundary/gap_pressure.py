@@ -63,10 +63,11 @@ INTEGERS = ti.types.ndarray(dtype=ti.i32, ndim=1)
 @data_oriented
 class GapPressure:
     """Samples of all bodies' faces in their frames, contiguous by body: points [m] and area vectors
-    [m^2]; first: the first sample of a body; lo, hi [m]: bounds of its samples in gaps. By sample:
-    weight (-), 0 outside of gaps; other, the body on the other side (WALL for a wall); means over
-    links outside of gaps, centre [m] and pressure [Pa], and their filled share (-); force [m^2] and
-    torque [m^3] per unit of its pressure, including those of samples without such links. By link:
+    [m^2]; first: the first sample of a body; inside: numbers of its samples in gaps, from its first
+    sample to `end`; lo, hi [m]: their bounds. By sample: weight (-), 0 outside of gaps; other, the
+    body on the other side (WALL for a wall); means over links outside of gaps, centre [m] and
+    pressure [Pa], and their filled share (-); force [m^2] and torque [m^3] per unit of its
+    pressure, including those of samples without such links. By link:
     outside (-), its share outside of gaps; spread, S (-)."""
 
     def __init__(self, links: BodyLinks, contact: Contact):
@@ -75,7 +76,7 @@ class GapPressure:
         self.constants, self.layers = boundary.constants, boundary.layers
         self.particles, self.impulses = contact.particles, contact.impulses
         capacity = MAX_BODIES * MAX_SAMPLES
-        self.owner, self.other = (ti.field(ti.i32, shape=capacity) for _ in range(2))
+        self.owner, self.other, self.inside = (ti.field(ti.i32, shape=capacity) for _ in range(3))
         self.weight, self.share, self.pressure = (
             ti.field(ti.f32, shape=capacity) for _ in range(3)
         )
@@ -83,6 +84,7 @@ class GapPressure:
             ti.Vector.field(3, ti.f32, shape=capacity) for _ in range(5)
         )
         self.first = ti.field(ti.i32, shape=MAX_BODIES + 1)
+        self.end = ti.field(ti.i32, shape=MAX_BODIES)
         self.lo, self.hi = (ti.Vector.field(3, ti.f32, shape=MAX_BODIES) for _ in range(2))
         self.outside = ti.field(ti.f32, shape=links.capacity)
         self.spread = ti.Vector.field(3, ti.f32, shape=links.capacity)
@@ -135,15 +137,11 @@ class GapPressure:
             self._find_forces(self.count, dt, external.field())
             self._add(links)
             self.contact.push_moving()
-            self.boundary.redo(0.5 * dt)
 
     @small_kernel
     def _find_gaps(self, count: ti.i32, every: ti.i32) -> ti.i32:
         """Finds the samples in gaps; returns their number. every: 1 to include samples at which
         neither side floats."""
-        for b in range(self.constants.bodies[None]):
-            self.lo[b], self.hi[b] = vec3(FAR), vec3(-FAR)
-        found = 0
         for k in range(count):
             b = self.owner[k]
             x = self._place(k)
@@ -152,14 +150,21 @@ class GapPressure:
             matters = every == 1 or self._floats(b) or self._floats(other)
             if weight > 0.0 and matters and self._is_free(b, x):
                 self.other[k] = other
-                ti.atomic_min(self.lo[b], self.point[k])
-                ti.atomic_max(self.hi[b], self.point[k])
-                found += 1
             else:
                 weight = 0.0
             self.weight[k] = weight
             self.share[k] = self.pressure[k] = 0.0
             self.centre[k] = self.force[k] = self.torque[k] = vec3(0.0)
+        found = 0
+        for b in range(self.constants.bodies[None]):
+            lo, hi, end = vec3(FAR), vec3(-FAR), self.first[b]
+            for k in range(self.first[b], self.first[b + 1]):
+                if self.weight[k] > 0.0:
+                    lo, hi = ti.min(lo, self.point[k]), ti.max(hi, self.point[k])
+                    self.inside[end] = k
+                    end += 1
+            self.lo[b], self.hi[b], self.end[b] = lo, hi, end
+            found += end - self.first[b]
         return found
 
     @ti.func
@@ -247,9 +252,9 @@ class GapPressure:
             place, moment = turn @ self.links.place[link], ti.Matrix.zero(ti.f32, 3, 3)
             if self._near_gap(b, place, h):
                 for k in range(self.first[b], self.first[b + 1]):
-                    r, area = (place - self.point[k]).norm(), self.area[k]
-                    if r < h:
-                        w = kernels.wendland(r, h) / ti.max(area.norm(), MIN_DIVISOR)
+                    r2, area = (place - self.point[k]).norm_sqr(), self.area[k]
+                    if r2 < h * h:
+                        w = kernels.wendland(ti.sqrt(r2), h) / ti.max(area.norm(), MIN_DIVISOR)
                         moment += w * area.outer_product(area)
                 trace, spread = moment.trace(), vec3(0.0)
                 if trace * h > MIN_TRACE:
@@ -257,12 +262,12 @@ class GapPressure:
                     spread = moment.inverse() @ (turn @ self.links.gradient[link])
                 self.spread[link] = spread
                 self.outside[link] = 1.0 - self._side(b, x, self.boundary.distance(b, x, BEGIN))[0]
-                for k in range(self.first[b], self.first[b + 1]):
-                    if self.weight[k] > 0.0:
-                        s = self._weight_at(link, place, h, k)
-                        self.share[k] += s
-                        self.centre[k] += s * place
-                        self.pressure[k] += s * ti.max(self.particles.pressure[i], 0.0)
+                for m in range(self.first[b], self.end[b]):
+                    k = self.inside[m]
+                    s = self._weight_at(link, place, h, k)
+                    self.share[k] += s
+                    self.centre[k] += s * place
+                    self.pressure[k] += s * ti.max(self.particles.pressure[i], 0.0)
 
     @kernel
     def _find_forces(self, count: ti.i32, dt: ti.f32, field: FIELD_NUMBERS):
@@ -277,12 +282,12 @@ class GapPressure:
                 b, other = self.owner[k], self.other[k]
                 force = -AT_FACE * self._half(k) * self.area[k]
                 centre, pressure, total = vec3(0.0), 0.0, MIN_DIVISOR
-                begin, end = self.first[b], self.first[b + 1]
-                if self.share[k] >= LEAST_SHARE:
-                    begin, end = k, k + 1
-                for m in range(begin, end):
-                    total += self._nearness(k, m)
-                for m in range(begin, end):
+                own = self.share[k] >= LEAST_SHARE
+                begin, end = self.first[b], ti.select(own, self.first[b] + 1, self.end[b])
+                for s in range(begin, end):
+                    total += self._nearness(k, ti.select(own, k, self.inside[s]))
+                for s in range(begin, end):
+                    m = ti.select(own, k, self.inside[s])
                     part = self._nearness(k, m) / total
                     if part > 0.0:
                         centre += part * self.centre[m]
@@ -324,15 +329,18 @@ class GapPressure:
             place = self.boundary.rotation[b, BEGIN].transpose() @ self.links.place[link]
             if self._near_gap(b, place, h):
                 volume = self.layers.volume[self.particles.layer[i]]
-                for k in range(self.first[b], self.first[b + 1]):
-                    if self.share[k] >= LEAST_SHARE:
-                        part = self._weight_at(link, place, h, k) / (volume * self.share[k])
-                        self._add_to(link, k, part * self.force[k], part * self.torque[k])
-                    if self.weight[k] > 0.0:
-                        w = self._half(k) * kernels.wendland((place - self.point[k]).norm(), h)
+                for m in range(self.first[b], self.end[b]):
+                    k = self.inside[m]
+                    r = (place - self.point[k]).norm()
+                    if r < h:
+                        force = torque = vec3(0.0)
+                        if self.share[k] >= LEAST_SHARE:
+                            part = self._weight_at(link, place, h, k) / (volume * self.share[k])
+                            force, torque = part * self.force[k], part * self.torque[k]
                         normal = self.area[k].normalized(MIN_DIVISOR)
-                        force = -w * self.spread[link].dot(normal) * self.area[k]
-                        self._add_to(link, k, force, self.point[k].cross(force))
+                        w = self._half(k) * kernels.wendland(r, h)
+                        own = -w * self.spread[link].dot(normal) * self.area[k]
+                        self._add_to(link, k, force + own, torque + self.point[k].cross(own))
 
     @ti.func
     def _half(self, k):

@@ -230,7 +230,7 @@ class Images:
         walls, some of which may mirror the body."""
         links, b, found = self.links, self.links.body[link], BodyImage(partner=-1)
         both = links.mirrors[link] ^ mirrors
-        own = self.mirror.by_walls(both, self.boundary.mirroring[b, BEGIN])
+        own = self.mirror.by_walls(both, self.boundary.mirroring[b])
         # Images of images, by both walls of an axis, are out of reach.
         if ((both >> 3) & ~both & 7) == 0:
             first = self.particles.first_link[j]

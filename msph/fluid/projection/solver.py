@@ -263,6 +263,7 @@ class Projection:
             self.density.refresh()  # x, list, poses -> density, defect, pair gradients, diagonal
             # poses, links -> gradients and torques of links in gaps
             self.gaps.push(dt, external)
+            self.boundary.redo(0.5 * dt)  # v of floating bodies -> mean velocities
             if not self.parameters.tension:
                 # defect -> density correction, density
                 self.density.follow_defect(self.particles.count)
