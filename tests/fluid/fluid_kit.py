@@ -135,6 +135,13 @@ def fill(field, values):
     field.from_numpy(np.pad(values.astype(np.float32), (0, field.shape[0] - len(values))))
 
 
+def leave_in_copies(sim, value):
+    """Fills the copies of attributes by which particles are moved, as scenes in the same memory
+    leave them."""
+    for _, copy in sim.particles._pairs:
+        copy.fill(value)
+
+
 def displacements(sim):
     """Returns the displacements (n, 3) [m] caused by the velocity multipliers of a simulation."""
     operator, p = sim.solver.pressure_solve.operator, sim.particles

@@ -11,6 +11,7 @@ from msph.fluid.simulation import Simulation
 from msph.scene import load_scene
 from msph.scene.build import build_simulation
 from msph.taichi_internals import on_cpu
+from tests.fluid.fluid_kit import leave_in_copies
 
 FRAME = 1.0 / 60.0
 COARSE = [f"layers.{k}.spacing={0.05 * 2 ** (k / 3):.6f}" for k in range(3)]
@@ -44,6 +45,7 @@ def compare(case: str, folder: Path) -> None:
     removed) before and after the checkpoint, (2, 2)."""
     name, changes, (before, after) = CASES[case]
     sim = build_simulation(load_scene(name, changes))
+    leave_in_copies(sim, 1)
     events = [advance(sim, before)]
     np.savez_compressed(folder / f"{case}.npz", **sim.state())
     events.append(advance(sim, after))

@@ -319,6 +319,7 @@ class Adaptation:
                     each[j] = each[i]
                 self.particles.layer[i] = layer
                 self.particles.layer[j] = layer
+                self.particles.links[j] = 0  # until the next search
                 self.particles.id[j] = ti.atomic_add(self.next_id[None], 1)
                 self.particles.settling[i] = self.constants.settle[None]
                 self.particles.settling[j] = self.constants.settle[None]
