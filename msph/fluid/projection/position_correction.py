@@ -68,7 +68,6 @@ class PositionCorrection:
         # Compiled here (launched on no particles), so that the first splash does not wait.
         self._mark_crowds(0)
         self._limit_exchange(0)
-        self._apply(0, 0.0, True)
 
     def find(self, dt: float) -> float:
         """Finds displacements that end crowding in a step of dt [s]; returns the largest density
@@ -158,7 +157,7 @@ class PositionCorrection:
         longest distance that a particle moves in dt [s], in spacings."""
         if self.crowded:
             self._limit_exchange(self.particles.count)
-        return self._apply(self.particles.count, dt, self.crowded)
+        return self._apply(self.particles.count, dt, int(self.crowded))
 
     @kernel
     def _limit_exchange(self, n: ti.i32):
@@ -181,7 +180,7 @@ class PositionCorrection:
         return slope * (p.position_multiplier[i] + p.position_multiplier[j])
 
     @kernel
-    def _apply(self, n: ti.i32, dt: ti.f32, crowded: ti.template()) -> ti.math.vec2:
+    def _apply(self, n: ti.i32, dt: ti.f32, crowded: ti.i32) -> ti.math.vec2:
         """x += position_correction, at most `largest_shift` spacings; requires the list of find().
 
         A pair that is moved apart to r (1 + a) keeps its angular momentum only if its relative
@@ -197,7 +196,7 @@ class PositionCorrection:
             for s in range(self.neighbours.start[i], self.neighbours.end[i]):
                 j = self.neighbours.index[s]
                 relative, a = v - p.v[j], self._exchange(i, s)
-                if ti.static(crowded):
+                if crowded == 1:
                     a *= ti.min(p.exchange_share[i], p.exchange_share[j])
                 change += a * relative
                 fastest = ti.max(fastest, relative.norm_sqr())
