@@ -28,8 +28,6 @@ SHARPNESS = 14.0  # distance from the blocker over the width of the penumbra
 SEARCHED = 2  # level at which blockers are searched
 BIAS = 2.0  # distance from itself at which a face is not in its own shadow [cells]
 ROUGHNESS = 0.5  # least standard deviation of depths [cells]
-# First cell of each level, of MEANS / 2^level along each side.
-CORNERS = [(0, 0), *((MEANS, MEANS - 2 * (MEANS >> level)) for level in range(1, LEVELS))]
 BLOCKS = 1 << LEVELS  # cells of a block along each side: one cell of the coarsest level
 LOG2 = 1.0 / math.log(2.0)
 DARK, LIGHT = 0.15, 0.95  # estimated shares of light that count as full shadow and full light
@@ -77,10 +75,10 @@ class Shadows:
             rows.append((*axes, least, scale, first * BLOCKS))
         names = "right", "up", "away", "least", "scale", "first"
         self.frames.fill(**dict(zip(names, zip(*rows, strict=True), strict=True)))
-        contained = self.boundary.container is not None
-        self._draw(
-            self.faces.corners, self.faces.owner, OUTER + contained, *(size * BLOCKS).tolist()
-        )
+        maps, (width, height) = OUTER + (self.boundary.container is not None), size * BLOCKS
+        self._draw(self.faces.corners, self.faces.owner, maps, width, height)
+        for level in range(LEVELS):
+            self._average(level, maps, width >> (level + 1), height >> (level + 1))
 
     @kernel
     def _draw(
@@ -114,28 +112,26 @@ class Shadows:
                     )
                     pa.z, pb.z, pc.z = 1.0, 1.0, 1.0
                     scan(ti.Matrix.rows([pa, pb, pc]), z, box, vec2(0.0), m, 0, self, 0)
-        for level in ti.static(range(LEVELS)):
-            ti.loop_config(block_dim=self.faces.raster.block)
-            for m, i, s in ti.ndrange(
-                maps, width >> (level + 1), strips(height >> (level + 1), strip)
-            ):
-                at = (self.frames.first[m] >> (level + 1)) + ti.Vector([i, 0])
-                for j in range(s * strip, ti.min((s + 1) * strip, height >> (level + 1))):
-                    if at.x < MEANS >> level and at.y + j < MEANS >> level:
-                        self.average(m, level, at + ti.Vector([0, j]))
 
-    @ti.func
-    def average(self, m, level: ti.template(), at):
-        """Computes the means of a cell from the cells of the level below."""
-        total = vec3(0.0)
-        for k in ti.static(range(4)):
-            below = 2 * at + ti.Vector([k // 2, k % 2])
-            if ti.static(level == 0):
-                z = ti.bit_cast(self.depth[m, below], f32)
-                total += ti.select(z < FAR, vec3(1.0, z, z * z), vec3(0.0))
-            else:
-                total += self.means[m, ti.Vector(CORNERS[level - 1]) + below]
-        self.means[m, ti.Vector(CORNERS[level]) + at] = 0.25 * total
+    @kernel
+    def _average(self, level: ti.i32, maps: ti.i32, width: ti.i32, height: ti.i32):
+        """Computes the means of width x height cells of a level from the cells of the level
+        below."""
+        strip = self.faces.raster.strip
+        ti.loop_config(block_dim=self.faces.raster.block)
+        for m, i, s in ti.ndrange(maps, width, strips(height, strip)):
+            at = (self.frames.first[m] >> (level + 1)) + ti.Vector([i, 0])
+            for j in range(s * strip, ti.min((s + 1) * strip, height)):
+                if at.x < MEANS >> level and at.y + j < MEANS >> level:
+                    cell, total = at + ti.Vector([0, j]), vec3(0.0)
+                    for k in ti.static(range(4)):
+                        below = 2 * cell + ti.Vector([k // 2, k % 2])
+                        if level == 0:
+                            z = ti.bit_cast(self.depth[m, below], f32)
+                            total += ti.select(z < FAR, vec3(1.0, z, z * z), vec3(0.0))
+                        else:
+                            total += self.means[m, corner(level - 1) + below]
+                    self.means[m, corner(level) + cell] = 0.25 * total
 
     @ti.func
     def place(self, m, p):
@@ -157,9 +153,7 @@ class Shadows:
         size = MEANS >> level
         x = (c + 0.5) / (2 << level) - 0.5
         i = ti.cast(ti.round(x), ti.i32)
-        f, at, found = x - i, ti.Vector([MEANS, MEANS - 2 * size]), vec3(0.0)
-        if level == 0:
-            at = ti.Vector([0, 0])
+        f, at, found = x - i, corner(level), vec3(0.0)
         low, high = 0.5 * (0.5 - f) ** 2, 0.5 * (0.5 + f) ** 2
         for k in range(9):
             a = ti.Vector([k // 3, k % 3]) - 1
@@ -185,3 +179,10 @@ class Shadows:
             passed = ti.math.clamp((passed - DARK) / (LIGHT - DARK), 0.0, 1.0)
             lit = 1.0 - found.x * (1.0 - passed)
         return lit
+
+
+@ti.func
+def corner(level):
+    """Returns the first cell of a level of means, of MEANS / 2^level along each side."""
+    size = MEANS >> level
+    return ti.select(level == 0, 0, 1) * ti.Vector([MEANS, MEANS - 2 * size])
