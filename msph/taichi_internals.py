@@ -87,7 +87,7 @@ try:
         or missing(ASTTransformerContext, ["get_pos_info"])
         or missing(ndarray_type, ["NdarrayType"])
         or missing(ASTTransformer, LOOPS)
-        or missing(matrix_ops, ["_reduce", "_matmul_helper"])
+        or missing(matrix_ops, ["_reduce", "_matmul_helper", "cross", "transpose", "norm_sqr"])
         or missing(core, [f"Program.{name}" for name in PROGRAM])
         or missing(core, ["Kernel.make_launch_context"])
         or missing(core, [f"CompileConfig.{name}" for name in (EQUAL_PARTS, GRID)])
