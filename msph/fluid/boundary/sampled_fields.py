@@ -94,9 +94,10 @@ class SampledFields:
         return (c >= 1.0).all() and (c < ti.cast(self.dims[m], ti.f32) - 2.0).all()
 
     @ti.func
-    def at(self, m, i, j, k):
+    def node(self, m, n):
+        """Returns the place of node n of lattice m in `value`; the next one along z follows."""
         dims = self.dims[m]
-        return self.value[self.offset[m] + (i * dims[1] + j) * dims[2] + k]
+        return self.offset[m] + (n[0] * dims[1] + n[1]) * dims[2] + n[2]
 
     @ti.func
     def linear(self, m, p):
@@ -104,19 +105,16 @@ class SampledFields:
         last = ti.cast(self.dims[m], ti.f32) - 1.001
         c = ti.math.clamp(self.place(m, p), 0.0, last)
         n = ti.floor(c, ti.i32)
-        f = c - n
-        r = ti.Matrix.zero(ti.f32, 4, 2)  # along z, at the four (x, y): value and slope
+        f, out = c - n, vec4(0.0)
         for q in range(4):
-            low = self.at(m, n[0] + q // 2, n[1] + q % 2, n[2])
-            r[q, 1] = self.at(m, n[0] + q // 2, n[1] + q % 2, n[2] + 1) - low
-            r[q, 0] = low + f[2] * r[q, 1]
-        s = r[0, 0] + f[1] * (r[1, 0] - r[0, 0])
-        t = r[2, 0] + f[1] * (r[3, 0] - r[2, 0])
-        dy = (1.0 - f[0]) * (r[1, 0] - r[0, 0]) + f[0] * (r[3, 0] - r[2, 0])
-        dz = (1.0 - f[0]) * ((1.0 - f[1]) * r[0, 1] + f[1] * r[1, 1])
-        dz += f[0] * ((1.0 - f[1]) * r[2, 1] + f[1] * r[3, 1])
+            a, b = q // 2, q % 2
+            first, sx, sy = self.node(m, n + ti.Vector([a, b, 0])), 2.0 * a - 1.0, 2.0 * b - 1.0
+            low = self.value[first]
+            rise = self.value[first + 1] - low
+            v, wx, wy = low + f[2] * rise, 1.0 - a + sx * f[0], 1.0 - b + sy * f[1]
+            out += vec4(wx * wy * v, sx * wy * v, wx * sy * v, wx * wy * rise)
         per = 1.0 / self.cell[m]
-        return vec4(s + f[0] * (t - s), per * (t - s), per * dy, per * dz)
+        return out * vec4(1.0, per, per, per)
 
     @ti.func
     def cubic(self, m, p):
@@ -139,11 +137,10 @@ class SampledFields:
         out = vec4(0.0)
         for a in range(4):
             for b in range(4):
-                v, s = 0.0, 0.0
+                v, s, first = 0.0, 0.0, self.node(m, n + ti.Vector([a, b, 0]) - 1)
                 for k in ti.static(range(4)):
-                    node = self.at(m, n[0] + a - 1, n[1] + b - 1, n[2] + k - 1)
-                    v += wz[k] * node
-                    s += sz[k] * node
+                    v += wz[k] * self.value[first + k]
+                    s += sz[k] * self.value[first + k]
                 out += vec4(wx[a] * wy[b] * v, sx[a] * wy[b] * v, wx[a] * sy[b] * v, 0.0)
                 out.w += wx[a] * wy[b] * s
         per = 1.0 / self.cell[m]

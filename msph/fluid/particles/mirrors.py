@@ -72,12 +72,9 @@ class Mirrors:
     @ti.func
     def mirror_and_wall(self, mirrors):
         """Returns the mirrored vectors' factors (-1 along mirrored axes) and the walls [m]."""
-        sign, wall = ti.Vector([1.0, 1.0, 1.0]), ti.Vector([0.0, 0.0, 0.0])
-        walls = self.walls[None]
-        for k in ti.static(range(3)):
-            sign[k] -= 2.0 * ti.cast((mirrors >> k) & 1, ti.f32)
-            wall[k] = walls[k] * ti.cast((mirrors >> (k + 3)) & 1, ti.f32)
-        return sign, wall
+        bits = ti.Vector([mirrors, mirrors >> 1, mirrors >> 2])
+        low, far = ti.cast(bits & 1, ti.f32), ti.cast((bits >> 3) & 1, ti.f32)
+        return 1.0 - 2.0 * low, self.walls[None] * far
 
     @ti.func
     def reflected(self, x, mirror, wall):
