@@ -196,7 +196,8 @@ class WaterShader:
                     if inwards:
                         kind += UNTILED - axis - LOW * low + BODY * (1 + body)
                         focus = lit * self.sunlight.concentration(q, deep, shot)
-                    seen = self.pool.bodies.shade(body, n_body, to_sun, focus, shot)
+                    seen, border = self.pool.bodies.shade(body, q, n_body, to_sun, focus, shot)
+                    kind += DETAIL * border
             if inwards:
                 place, under, left = vec4(q, footprint), deep, through
                 light = lighting * vec2(lit, 1.0)
