@@ -60,14 +60,23 @@ TINY = 1e-6
 
 @ti.dataclass
 class Sum:
-    """Sums over particles j near x [m] with the weights w_j = (1 - |x - x_j|^2/r^2)^3: total, and
-    first and second moments of x_j - x (squares and products) [m, m^2]; and the least |x - x_j|^2
-    [m^2] of particles that are not at x."""
+    """Sum of (1 - |x - x_j|^2/r^2)^3 over particles j near x [m], and the least |x - x_j|^2 [m^2]
+    of particles that are not at x."""
 
     x: vec3
     per_r2: ti.f32
     total: ti.f32
     nearest2: ti.f32
+
+
+@ti.dataclass
+class Moments:
+    """Moments of the places x_j - x [m] of particles j near x, with the weights of Sum: number (-),
+    first [m], and second (squares xx, yy, zz and products yz, zx, xy) [m^2]."""
+
+    x: vec3
+    per_r2: ti.f32
+    total: ti.f32
     first: vec3
     squares: vec3
     products: vec3
@@ -127,7 +136,7 @@ class ThinWater:
         layer, inside = self.particles.layer[i], not self.beyond_wall(self.particles.x[i])
         self.kernel[i], larger, drop, kept = self.full(layer), 0.0, False, 1.0
         if not deep:
-            c, mean, spread = self.surroundings(i, bodies)
+            c = self.coverage(i, bodies)
             drop = c[1] > DROP_GAP
             if ti.static(bodies):
                 if drop:
@@ -140,7 +149,7 @@ class ThinWater:
                 if inside and kept > 0.0:
                     self.drops[ti.atomic_add(self.drop_count[None], 1)] = i
             elif c[0] < self.by_layer.thick[layer]:
-                larger = self.narrow(i, layer, c[0], mean, spread)
+                larger = self.narrow(i, layer, c[0], bodies)
                 self.kernel[i][1] *= kept
         self.kept[i] = kept
         if inside and not drop:
@@ -165,10 +174,10 @@ class ThinWater:
         return ti.math.clamp((sheet - c) / (sheet - isolated), 0.0, 1.0)
 
     @ti.func
-    def narrow(self, i, layer, c, mean, spread):
-        """Sets the kernel of particle i, with the coverage c (-), in thin water, from the mean [m]
-        and the covariance [m^2] of its neighbours around it; returns the distance [m] within which
-        the kernel exceeds the full kernel."""
+    def narrow(self, i, layer, c, bodies: ti.template()):
+        """Sets the kernel of particle i, with the coverage c (-), in thin water; returns the
+        distance [m] within which the kernel exceeds the full kernel."""
+        mean, spread = self.neighbours(i, bodies)
         sheet, thick = self.by_layer.sheet[layer], self.by_layer.thick[layer]
         full, least = self.by_layer.reach[layer], SHEET_REACH * self.layers.spacing[layer]
         isolated = self.by_layer.isolated[layer]
@@ -193,51 +202,68 @@ class ThinWater:
         return ti.sqrt(ti.max(s - 1.0, 0.0) / falls) + moved.norm()
 
     @ti.func
-    def surroundings(self, i, bodies: ti.template()):
-        """Computes the coverage (-) at particle i with kernels of full reach and the distance to
-        its nearest neighbour, over the mean of the two spacings; and the mean [m] and the
-        covariance [m^2] of x_j - x_i."""
+    def coverage(self, i, bodies: ti.template()):
+        """Computes the coverage (-) at particle i with kernels of full reach, and the distance to
+        its nearest neighbour, over the mean of the two spacings."""
         x, spacing = self.particles.x[i], self.spacing(i)
         c, nearest, size = 0.0, NO_NEIGHBOUR, self.numbers.size[None]
-        total, mean, squares, products = 0.0, vec3(0.0), vec3(0.0), vec3(0.0)
         for layer in range(self.numbers.layers[None]):
             r = self.by_layer.reach[layer]
             found = Sum(x=x, per_r2=1.0 / (r * r), total=0.0, nearest2=NO_NEIGHBOUR)
             self.grid.for_each_row(x, layer, r, self.add_row, found)
-            weight = self.by_layer.isolated[layer]
             if found.total > 0.0:
                 share = 1.0
                 for axis in ti.static(range(3)):
-                    low, high = cut_share(x[axis] / r), cut_share((size[axis] - x[axis]) / r)
-                    share *= (1.0 - low) * (1.0 - high)
-                    # A wall hides neighbours: it has no part in their mean.
-                    found.first[axis] *= (1.0 - 2.0 * low) * (1.0 - 2.0 * high)
+                    share *= 1.0 - cut_share(x[axis] / r)
+                    share *= 1.0 - cut_share((size[axis] - x[axis]) / r)
                 if ti.static(bodies):
-                    free = self.bodies.open_share(x, layer)[0]
-                    share *= free
-                    found.first *= ti.max(2.0 * free - 1.0, 0.0)
-                c += weight * found.total / share
-            total += weight * found.total
-            mean += weight * found.first
-            squares += weight * found.squares
-            products += weight * found.products
-            between = 0.5 * (spacing + self.layers.spacing[layer])
-            nearest = ti.min(nearest, ti.sqrt(found.nearest2) / between)
-        # The particle itself adds to total.
-        mean, d, o = mean / total, squares / total, products / total
-        spread = ti.Matrix([[d.x, o.z, o.y], [o.z, d.y, o.x], [o.y, o.x, d.z]])
-        return ti.Vector([c, nearest]), mean, spread - mean.outer_product(mean)
+                    share *= self.bodies.open_share(x, layer)[0]
+                c += self.by_layer.isolated[layer] * found.total / share
+            mean = 0.5 * (spacing + self.layers.spacing[layer])
+            nearest = ti.min(nearest, ti.sqrt(found.nearest2) / mean)
+        return ti.Vector([c, nearest])
 
     @ti.func
     def add_row(self, begin, end, found: ti.template()):
         for j in range(begin, end):
-            e = self.particles.x[j] - found.x
-            r2 = e.norm_sqr()
+            r2 = (found.x - self.particles.x[j]).norm_sqr()
             u = ti.max(1.0 - r2 * found.per_r2, 0.0)
+            found.total += u * u * u
+            if r2 > 0.0:
+                found.nearest2 = ti.min(found.nearest2, r2)
+
+    @ti.func
+    def neighbours(self, i, bodies: ti.template()):
+        """Computes the mean [m] and the covariance [m^2] of the places of the particles around
+        particle i, relative to it. Walls and bodies hide neighbours: they have no part in the
+        mean."""
+        x, size = self.particles.x[i], self.numbers.size[None]
+        total, mean, d, o = 0.0, vec3(0.0), vec3(0.0), vec3(0.0)
+        for layer in range(self.numbers.layers[None]):
+            r, weight = self.by_layer.reach[layer], self.by_layer.isolated[layer]
+            found = Moments(x=x, per_r2=1.0 / (r * r), total=0.0)
+            self.grid.for_each_row(x, layer, r, self.add_moments, found)
+            for axis in ti.static(range(3)):
+                low, high = cut_share(x[axis] / r), cut_share((size[axis] - x[axis]) / r)
+                found.first[axis] *= (1.0 - 2.0 * low) * (1.0 - 2.0 * high)
+            if ti.static(bodies):
+                found.first *= ti.max(2.0 * self.bodies.open_share(x, layer)[0] - 1.0, 0.0)
+            total += weight * found.total
+            mean += weight * found.first
+            d += weight * found.squares
+            o += weight * found.products
+        # The particle itself adds to total.
+        mean, d, o = mean / total, d / total, o / total
+        second = ti.Matrix([[d.x, o.z, o.y], [o.z, d.y, o.x], [o.y, o.x, d.z]])
+        return mean, second - mean.outer_product(mean)
+
+    @ti.func
+    def add_moments(self, begin, end, found: ti.template()):
+        for j in range(begin, end):
+            e = self.particles.x[j] - found.x
+            u = ti.max(1.0 - e.norm_sqr() * found.per_r2, 0.0)
             w = u * u * u
             found.total += w
             found.first += w * e
             found.squares += w * e * e
             found.products += w * e.yzx * e.zxy
-            if r2 > 0.0:
-                found.nearest2 = ti.min(found.nearest2, r2)
