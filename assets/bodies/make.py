@@ -1,7 +1,7 @@
 """Makes the shipped meshes beside this file: python assets/bodies/make.py
 
 Unit: one metre. Bowl and torus are curves turned about the y axis, the duck blends ellipsoids, the
-ramp is a beach; all are closed, their faces outwards.
+ramp is a beach; all are closed, their faces outwards. duck.mtl holds the duck's colours.
 """
 
 from pathlib import Path
@@ -56,6 +56,11 @@ DUCK = {
     "beak": ((0.38, 0.21, 0.0), (0.12, 0.035, 0.08)),
     "tail": ((-0.42, 0.04, 0.0), (0.14, 0.08, 0.12)),
 }
+# Colours, linear RGB, of the materials of the duck; eyes: directions from the head's centre and
+# radius; front of the head, where the beak begins.
+PAINTS = {"plumage": (0.93, 0.60, 0.02), "bill": (0.85, 0.18, 0.01), "eye": (0.012, 0.01, 0.01)}
+EYES, EYE_RADIUS = np.array([(0.6, 0.36, 0.71), (0.6, 0.36, -0.71)]), 0.027
+BEAK = np.array((0.365, 0.12, 0.0))
 # Point from which the whole surface is seen, and width of the blends between ellipsoids.
 DUCK_EYE, BLEND = np.array((0.14, 0.06, 0.0)), 0.12
 
@@ -73,7 +78,28 @@ def duck():
         out = _beyond(DUCK_EYE + middle[:, None] * mesh.vertices) > 0.0
         lo, hi = np.where(out, lo, middle), np.where(out, middle, hi)
     mesh = trimesh.Trimesh(DUCK_EYE + hi[:, None] * mesh.vertices, mesh.faces)
+    # Planes cut the beak off the head, and a disc for each eye.
+    centre, axes = np.array(DUCK["head"])
+    ways = EYES / np.linalg.norm(EYES, axis=1)[:, None]
+    discs = centre + (axes - EYE_RADIUS**2 / (2.0 * axes)) * ways
+    for origin, normal in [(BEAK, (1.0, 0.0, 0.0)), *zip(discs, ways, strict=True)]:
+        mesh = divided(mesh, origin, np.array(normal))
+    middles = mesh.triangles_center
+    paint = (middles[:, :2] > BEAK[:2]).all(axis=1).astype(int)
+    for origin, way in zip(discs, ways, strict=True):
+        near = np.linalg.norm(middles - origin, axis=1) < 2.0 * EYE_RADIUS
+        paint[near & ((middles - origin) @ way > 0.0)] = 2
     assert mesh.is_watertight and mesh.volume > 0.0
+    return mesh, paint
+
+
+def divided(mesh, origin, normal):
+    """The mesh with its triangles divided along a plane."""
+    cut = trimesh.intersections.slice_faces_plane
+    sides = [cut(mesh.vertices, mesh.faces, side * normal, origin)[:2] for side in (1.0, -1.0)]
+    mesh = trimesh.util.concatenate([trimesh.Trimesh(*side, process=False) for side in sides])
+    mesh.merge_vertices(digits_vertex=7)
+    mesh.update_faces(mesh.nondegenerate_faces())
     return mesh
 
 
@@ -94,9 +120,23 @@ def ramp(slope=0.4, below=0.1, width=0.46):
     return mesh
 
 
+def write(name, mesh, paint=None):
+    """Writes an .obj file beside this one, and an .mtl file if the triangles have a paint, an
+    index of PAINTS."""
+    file, head = Path(__file__).with_name(f"{name}.obj"), f"made by make.py: {name}"
+    text = mesh.export(file_type="obj", digits=6, header=head)
+    if paint is not None:
+        lines = text.splitlines()
+        vertices = [line for line in lines if not line.startswith("f ")]
+        faces = np.array([line for line in lines if line.startswith("f ")])
+        parts = [f"usemtl {k}\n" + "\n".join(faces[paint == i]) for i, k in enumerate(PAINTS)]
+        text = "\n".join([vertices[0], f"mtllib {name}.mtl", *vertices[1:], *parts, ""])
+        colours = ["newmtl {}\nKd {:g} {:g} {:g}\n".format(k, *c) for k, c in PAINTS.items()]
+        file.with_suffix(".mtl").write_text("\n".join(colours))
+    file.write_text(text)
+
+
 if __name__ == "__main__":
-    for shape in (bowl, torus, duck, ramp):
-        text = shape().export(
-            file_type="obj", digits=6, header=f"made by make.py: {shape.__name__}"
-        )
-        Path(__file__).with_name(f"{shape.__name__}.obj").write_text(text)
+    for shape in (bowl, torus, ramp):
+        write(shape.__name__, shape())
+    write("duck", *duck())

@@ -17,8 +17,7 @@ from msph.fluid.boundary.body_faces import faces
 from msph.fluid.simulation import Simulation
 from msph.measure.table import Table, column
 from msph.own_files import writing
-from msph.picture.body_shading import CLAY
-from msph.picture.tone import albedo
+from msph.picture.tone import CLAY, albedo
 from msph.scene.bodies import names
 from msph.stage.show import Show
 
@@ -103,11 +102,24 @@ def _write_csv(path: Path, show: Show) -> None:
     np.savetxt(path, np.hstack(columns), delimiter=",", header=",".join(heads), comments="")
 
 
-def body_looks(show: Show) -> list[tuple[str, Any]]:
-    """Returns the name and the reflected share of light (linear RGB) of each body of the scene."""
+def body_looks(show: Show) -> list[tuple[str, list[tuple[str, Any, np.ndarray]]]]:
+    """Returns the name of each body of the scene, and its materials: name, reflected share of light
+    (linear RGB), and indices of its faces."""
     given = {f"bodies.{k}": b.colour for k, b in enumerate(show.scene.bodies)}
     given |= {b.name: b.colour for b in show.scene.bodies}
-    return [(n, CLAY if given.get(n) is None else albedo(given[n])) for n in names(show.scene)]
+    looks = []
+    for b, name in enumerate(names(show.scene)):
+        body = shown_body(show.simulation, b)
+        paint = getattr(body, "paint", None)
+        if paint is None:
+            paint = np.array([CLAY if given.get(name) is None else albedo(given[name])])
+        colours, of_face = np.unique(paint, axis=0, return_inverse=True)
+        if len(colours) == 1:
+            of_face = np.zeros(len(faces(body).faces), int)
+        parts = [np.flatnonzero(of_face.ravel() == k) for k in range(len(colours))]
+        own = [name, *[f"{name}_{k}" for k in range(1, len(colours))]]
+        looks.append((name, list(zip(own, colours, parts, strict=True))))
+    return looks
 
 
 class BodyFiles:
@@ -120,13 +132,15 @@ class BodyFiles:
         self.simulation: Simulation = show.simulation
         looks, first = body_looks(show), 1
         lines, materials = [f"mtllib {mtl.name}"], list[str]()
-        for b, (name, colour) in enumerate(looks):
+        for b, (name, own) in enumerate(looks):
             mesh = faces(shown_body(self.simulation, b))
-            lines += [f"o {name}", f"usemtl {name}"]
+            lines += [f"o {name}"]
             lines += ["v {:.7g} {:.7g} {:.7g}".format(*x) for x in mesh.vertices]
-            lines += ["f {} {} {}".format(*corners) for corners in mesh.faces + first]
+            for material, colour, part in own:
+                lines += [f"usemtl {material}"]
+                lines += ["f {} {} {}".format(*corners) for corners in mesh.faces[part] + first]
+                materials += [f"newmtl {material}", "Kd {:.4g} {:.4g} {:.4g}".format(*colour)]
             first += len(mesh.vertices)
-            materials += [f"newmtl {name}", "Kd {:.4g} {:.4g} {:.4g}".format(*colour)]
         for file, text in ((obj, lines), (mtl, materials)):
             with writing(file):
                 file.write_text("\n".join([*text, ""]), encoding="utf-8")

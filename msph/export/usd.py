@@ -66,7 +66,7 @@ class Film:
         self.pose, self.aspect = self.camera.AddTransformOp(), aspect
         self.frames: list[int] = []
 
-    def _body(self, geometry: Any, b: int, name: str, colour: Any) -> Any:
+    def _body(self, geometry: Any, b: int, name: str, materials: list[Any]) -> Any:
         """Defines the mesh of a body at time zero and returns its transform."""
         mesh = faces(shown_body(self.show.simulation, b))
         safe = "".join(c if c.isalnum() else "_" for c in name)
@@ -74,13 +74,26 @@ class Film:
         made.CreateSubdivisionSchemeAttr(geometry.Tokens.none)
         made.CreatePointsAttr(self._vectors(mesh.vertices))
         self._set_faces(made, mesh.faces)
-        made.CreateDisplayColorAttr(self._vectors(np.reshape(colour, (1, 3))))
-        paint = self.shade.Material.Define(self.stage, f"/Materials/{safe}")
-        shader = self.shade.Shader.Define(self.stage, f"/Materials/{safe}/Surface")
-        shader.CreateIdAttr("UsdPreviewSurface")
-        shader.CreateInput("diffuseColor", self.colour).Set(tuple(map(float, colour)))
-        paint.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
-        self.shade.MaterialBindingAPI.Apply(made.GetPrim()).Bind(paint)
+        colours = np.zeros((len(mesh.faces), 3))
+        for material, colour, part in materials:
+            colours[part] = colour
+            own = "".join(c if c.isalnum() else "_" for c in material)
+            paint = self.shade.Material.Define(self.stage, f"/Materials/{own}")
+            shader = self.shade.Shader.Define(self.stage, f"/Materials/{own}/Surface")
+            shader.CreateIdAttr("UsdPreviewSurface")
+            shader.CreateInput("diffuseColor", self.colour).Set(tuple(map(float, colour)))
+            paint.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
+            bound = made
+            if len(materials) > 1:
+                indices = self.vt.IntArray.FromNumpy(part.astype(np.int32))
+                whole = self.shade.MaterialBindingAPI.Apply(made.GetPrim())
+                bound = whole.CreateMaterialBindSubset(own, indices)
+            self.shade.MaterialBindingAPI.Apply(bound.GetPrim()).Bind(paint)
+        # One colour, or one per face.
+        one = len(materials) == 1
+        kind = geometry.Tokens.constant if one else geometry.Tokens.uniform
+        shown = made.CreateDisplayColorPrimvar(kind)
+        shown.Set(self._vectors(colours[:1] if one else colours))
         return made.AddTransformOp()
 
     def add(self, frame: int) -> None:

@@ -283,8 +283,8 @@ class Backdrop:
             elif body >= 0:
                 n = self.pool.bodies.normal(body, p)
             if body >= 0:
-                kind = UNTILED + WALL_OR_BODY * (2 + body)
-                added = self.pool.bodies.shade(body, n, shot.sun, lit, shot)
+                added, border = self.pool.bodies.shade(body, p, n, shot.sun, lit, shot)
+                kind = UNTILED + WALL_OR_BODY * (2 + body) + DETAIL * border
         if body < 0:
             line = INNER_STRENGTH * self.border(d, far, axis, 0.5, shot)
             if not tiled:

@@ -10,13 +10,14 @@ from msph.device_table import DeviceTable, f32, i32
 from msph.fluid.boundary.body_shapes import BALL, END, LINEAR
 from msph.fluid.room import MAX_BODIES
 from msph.launches import data_oriented
+from msph.picture.body_paint import BodyPaint
 from msph.picture.shot import PARALLEL
 from msph.picture.sky import SKY_LIGHT, SUN_LIGHT
+from msph.picture.tone import CLAY
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
 
-# Default albedo, linear RGB, of solids and of containers.
-CLAY, GLAZE = (0.60, 0.26, 0.15), (0.40, 0.54, 0.58)
+GLAZE = (0.40, 0.54, 0.58)  # default albedo, linear RGB, of containers
 BOUNCE = 0.45  # sky light from below, over sky light from above
 MAX_STEPS = 96  # largest number of steps of a ray, up to a container and inside
 HIT_DISTANCE = 4e-4  # distance at which a ray hits a body, over the longest edge of the box
@@ -32,9 +33,9 @@ class BodyShading:
 
     def __init__(self, boundary):
         self.boundary = boundary
-        # container: index, or -1. paints: table by body.
+        # container: index, or -1. albedo: table by body.
         self.numbers = DeviceTable((), count=i32, near=f32, container=i32)
-        self.paints = DeviceTable((MAX_BODIES,), albedo=vec3)
+        self.albedo, self.paint = DeviceTable((MAX_BODIES,), value=vec3), BodyPaint()
 
     def load(self, box):
         """Loads the boundary's present bodies in a box (Lx, Ly, Lz) [m]."""
@@ -46,7 +47,8 @@ class BodyShading:
         )
         bodies = self.boundary.bodies
         usual = [GLAZE if k == found else CLAY for k in range(len(bodies))]
-        self.paints.fill(albedo=[b.albedo or c for b, c in zip(bodies, usual, strict=True)])
+        self.albedo.fill(value=[b.albedo or c for b, c in zip(bodies, usual, strict=True)])
+        self.paint.load(bodies)
 
     @ti.func
     def span(self, b, p, r, most, more):
@@ -142,9 +144,12 @@ class BodyShading:
         return -self.normal(self.numbers.container[None], p)
 
     @ti.func
-    def shade(self, b, n, to_sun, focus, shot: ti.template()):
-        """Returns the colour of body b with the normal n; focus: concentration of sunlight
-        there."""
+    def shade(self, b, p, n, to_sun, focus, shot: ti.template()):
+        """Returns the colour of body b at p [m] with the normal n, and True near a border between
+        its colours; focus: concentration of sunlight there."""
         sky = ti.math.mix(BOUNCE, 1.0, 0.5 + 0.5 * n.dot(shot.up))
         light = SKY_LIGHT * sky + SUN_LIGHT * (ti.max(n.dot(to_sun), 0.0) * focus)
-        return self.paints.albedo[b] * light
+        colour, border = self.albedo.value[b], False
+        if self.paint.lattices.first[b] >= 0:
+            colour, border = self.paint.at(b, self.boundary.to_body_frame(b, p, END))
+        return colour * light, border

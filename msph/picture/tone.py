@@ -9,6 +9,7 @@ from msph.launches import data_oriented
 CELLS = 4096
 WHITE = 1.6  # radiance shown as white
 KNEE = 0.65  # radiance up to which the curve is the identity
+CLAY = (0.60, 0.26, 0.15)  # albedo, linear RGB, of bodies without a colour
 
 
 def curve(x):

@@ -24,7 +24,7 @@ from msph.picture.samples import (
     BlockSampler,
     make_sample,
 )
-from msph.picture.sky import SKY_LIGHT, SUN, SUN_LIGHT, noise
+from msph.picture.sky import SKY_LIGHT, SUN, SUN_LIGHT
 from msph.picture.sunlight import bilinear
 
 vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
@@ -34,12 +34,10 @@ SHEEN_GLOSS, GLINT_GLOSS = 6, 5  # widths: cosine^(2^6), and its power 2^5
 WALL_COSINE = 0.98  # smallest cosine between a cut face's normal and the wall's
 MIN_INCIDENCE = 0.03  # smallest cosine of incidence
 PLATE = 0.1  # largest thickness of water on glass that refracts as a plate, over the longest edge
-LUMP = 0.25  # thickness of water in the air from which it refracts in full, over the longest edge
+LUMP = 0.1  # thickness of water in the air from which it refracts in full, over the longest edge
 # Water in the air: thickness that scatters 63 % of a lump's light, over the longest edge; largest
-# share that is scattered; light scattered from sky and sun for normals across them.
-FILM, MILK, MILK_SKY, MILK_SUN = 0.03, 0.9, vec3(0.24, 0.33, 0.4), vec3(0.18, 0.21, 0.2)
-# Spots of bubbles along the longest edge of the box, and their height over their width, inverted.
-LACE, STREAKED = 60.0, 0.35
+# share that is scattered by bubbles; light scattered from sky and sun for normals across them.
+FILM, MILK, MILK_SKY, MILK_SUN = 0.012, 0.6, vec3(0.24, 0.33, 0.4), vec3(0.18, 0.21, 0.2)
 DOWNWELLING = 0.5  # share of absorption on the light's way down
 # Places along a ray under water where light is scattered, and share of sunlight (-).
 SHAFT_STEPS, SHAFTS = 16, 0.8
@@ -142,8 +140,9 @@ class WaterShader:
             thick = ti.math.clamp(thickness / (LUMP * shot.size.max()), 0.0, 1.0)
             bent = ti.math.mix(d, bent, thick * thick).normalized()
         share, milk, white = reflectance(c, ct, eta), 0.0, vec3(0.0)
-        if not cut and not sunk and thickness < LUMP * shot.size.max():
-            fade, milk = self.aeration(p, thickness, shot)
+        airy = not cut and not sunk and thickness < LUMP * shot.size.max()
+        if airy and not self.backdrop.covers(i, j, back):
+            fade, milk = self.aeration(thickness, shot)
             share *= fade
             white = MILK_SKY * (1.0 + n.dot(shot.up)) + MILK_SUN * (1.5 + n.dot(shot.sun))
         if sunk:
@@ -158,7 +157,7 @@ class WaterShader:
         rise = mirrored.dot(shot.up)
         if rise < 0.0 and not cut:  # would meet other waves: use the sky that they reflect
             mirrored -= 2.0 * rise * shot.up
-        kind, under, sky, detail = 0, 0.0, vec3(0.0), milk > 0.0
+        kind, under, sky, detail = 0, 0.0, vec3(0.0), False
         place, light, left, added = vec4(0.0), vec2(0.0), vec3(0.0), vec3(0.0)
         # First the ray in water, then the ray in air: a loop compiles the intersections once.
         for way in range(2):
@@ -197,7 +196,8 @@ class WaterShader:
                     if inwards:
                         kind += UNTILED - axis - LOW * low + BODY * (1 + body)
                         focus = lit * self.sunlight.concentration(q, deep, shot)
-                    seen = self.pool.bodies.shade(body, n_body, to_sun, focus, shot)
+                    seen, border = self.pool.bodies.shade(body, q, n_body, to_sun, focus, shot)
+                    kind += DETAIL * border
             if inwards:
                 place, under, left = vec4(q, footprint), deep, through
                 light = lighting * vec2(lit, 1.0)
@@ -242,18 +242,12 @@ class WaterShader:
         return found
 
     @ti.func
-    def aeration(self, p, thickness, shot: ti.template()):
-        """Returns, for water in the air of a thickness [m] along the ray at p [m], the share of its
+    def aeration(self, thickness, shot: ti.template()):
+        """Returns, for water in the air of a thickness [m] along the ray, the share of its
         reflections, which vanish at its edge, and the share of light that its bubbles scatter."""
-        size, lace = shot.size.max(), 0.0
+        size = shot.size.max()
         film = 1.0 - ti.exp(-thickness / (FILM * size))
-        q = LACE * p / size * vec3(1.0, STREAKED, 1.0)
-        for k in range(4):
-            # Planes across each other: no direction has stripes.
-            lace += noise(vec2(q.x + 0.7 * q.z, q.y)) / (2.0 + 2.0 * (k // 2))
-            q = vec3(q.z, 1.7 * q.y, -q.x)
-        milk = MILK * ti.math.smoothstep(0.4, 1.1, lace) * (1.0 - thickness / (LUMP * size)) ** 2
-        return film * film, film * milk
+        return film, MILK * film * (1.0 - thickness / (LUMP * size))
 
     @ti.func
     def hit_surface(self, i, j, d, shot: ti.template()):

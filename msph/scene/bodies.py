@@ -75,12 +75,13 @@ def body(given: schema.BodyEntry, duration: float, key: str) -> Body:
         motion = _scripted(given, duration, key)
     made: Body
     if given.mesh is not None:
-        made = Solid(*placed(given), motion)
+        paint = load_mesh(given.mesh)[2] if given.colour is None else None
+        made = Solid(*placed(given), motion, paint=paint)
     else:
         made = replace(shape_of(given), motion=motion)
     mass = given.mass if given.density is None else given.density * volume(made)
-    paint = None if given.colour is None else as_vector(albedo(given.colour))
-    return replace(made, mass=mass, friction=given.friction, release=given.release, albedo=paint)
+    one = None if given.colour is None else as_vector(albedo(given.colour))
+    return replace(made, mass=mass, friction=given.friction, release=given.release, albedo=one)
 
 
 def _follows_formulas(given: schema.BodyEntry) -> bool:
@@ -113,7 +114,7 @@ def placed(mesh: schema.BodyEntry | Container) -> tuple[np.ndarray, np.ndarray]:
     """Returns vertices [m] and triangles of a mesh: scaled, rotated about x, y, z, translated."""
     from scipy.spatial.transform import Rotation  # 0.5 s to import, and only meshes need it
 
-    vertices, triangles = load_mesh(str(mesh.mesh))
+    vertices, triangles, _ = load_mesh(str(mesh.mesh))
     rotation = Rotation.from_euler("xyz", mesh.rotation, degrees=True)
     return rotation.apply(vertices * mesh.scale) + np.array(mesh.position), triangles
 

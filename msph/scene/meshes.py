@@ -1,4 +1,4 @@
-"""Mesh files of bodies and containers: search, reading, and check that they are closed."""
+"""Mesh files of bodies and containers: search, reading, colours, and check that they are closed."""
 
 import io
 import math
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from msph.errors import did_you_mean
+from msph.picture.tone import CLAY, albedo
 from msph.scene.library import assets
 
 SUFFIXES = (".obj", ".ply", ".stl")
@@ -48,21 +49,27 @@ def find_mesh(name: str) -> Path:
 
 
 @lru_cache(maxsize=16)
-def load_mesh(name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Returns vertices (v, 3) and triangles (t, 3) of a mesh file, counter-clockwise from outside.
+def load_mesh(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Returns vertices (v, 3) and triangles (t, 3) of a mesh file, counter-clockwise from outside,
+    and the albedos of the triangles (t, 3), linear RGB, or None for a file without colours.
 
-    Raises MeshError if the file cannot be read or does not enclose a volume.
+    Raises MeshError if the file cannot be read, lacks a material or does not enclose a volume.
     """
     import trimesh  # 0.4 s to import, and only meshes need it
 
     path = find_mesh(name)
     try:
         text, how = source(path)
-        read: Any = trimesh.load(text, force="mesh", **how)
+        scene: Any = trimesh.load(text, force="scene", **how)
+        read = list(scene.geometry.values())
         check_counts(path, read)
-        # Merges vertices that the file repeats for different normals or colours.
-        mesh = trimesh.Trimesh(read.vertices, read.faces, process=True)
-        mesh.update_faces(mesh.nondegenerate_faces())
+        albedos = albedos_of(path, read)
+        bare = [trimesh.Trimesh(part.vertices, part.faces, process=False) for part in read]
+        mesh: Any = trimesh.util.concatenate(bare) if bare else trimesh.Trimesh()
+        # Vertices that the file repeats for different normals or colours.
+        mesh.merge_vertices(merge_tex=True, merge_norm=True)
+        kept = mesh.nondegenerate_faces()
+        mesh.update_faces(kept)
     except MeshError:
         raise
     except Exception as error:  # each of trimesh's readers has its own errors
@@ -84,7 +91,48 @@ def load_mesh(name: str) -> tuple[np.ndarray, np.ndarray]:
         triangles = triangles[:, ::-1]
     parts = trimesh.graph.connected_components(mesh.face_adjacency, nodes=np.arange(len(triangles)))
     check_parts([vertices[triangles[part]] for part in parts], path.name)
-    return vertices, triangles
+    return vertices, triangles, None if albedos is None else albedos[kept]
+
+
+def albedos_of(path: Path, parts: list[Any]) -> np.ndarray | None:
+    """Returns the albedos (t, 3), linear RGB, of the triangles of the parts of a mesh file, by
+    their materials, or None if no part has a colour. Diffuse colours of materials (Kd) are linear,
+    colours of vertices and faces sRGB. Raises MeshError for materials that are not defined."""
+    check_materials(path)
+    if all(part.visual.kind is None for part in parts):
+        return None
+    found = []
+    for part in parts:
+        colours = np.tile(CLAY, (len(part.faces), 1))
+        if part.visual.kind == "texture":
+            colours[:] = part.visual.material.main_color[:3] / 255.0
+        elif part.visual.kind is not None:
+            colours[:] = albedo(part.visual.face_colors[:, :3] / 255.0)
+        found.append(colours)
+    return np.concatenate(found)
+
+
+def check_materials(path: Path) -> None:
+    """Raises MeshError if an .obj file names a library of materials that is not there, or that
+    lacks one of its materials."""
+    if path.suffix.lower() != ".obj":
+        return
+    text = path.read_text(encoding="latin-1")
+    library, used = entries(text, "mtllib")[:1], entries(text, "usemtl")
+    if library and used:
+        beside = path.with_name(Path(library[0]).name)
+        if not os.path.isfile(beside):
+            raise MeshError(f"{path.name}: has materials, but there is no file {beside.name}")
+        defined = entries(beside.read_text(encoding="latin-1"), "newmtl")
+        missing = [name for name in used if name not in defined]
+        if missing:
+            hint = did_you_mean(missing[0], defined, "known")
+            raise MeshError(f"{path.name}: material {missing[0]} is not in {beside.name}; {hint}")
+
+
+def entries(text: str, keyword: str) -> list[str]:
+    """Returns what follows a keyword in the lines of an .obj or .mtl file."""
+    return re.findall(rf"^{keyword}[ \t]+(.*\S)", text, re.MULTILINE)
 
 
 def check_parts(parts: list[np.ndarray], name: str) -> None:
@@ -107,13 +155,14 @@ def turns(triangles: np.ndarray, point: np.ndarray) -> float:
     return float(np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb).sum() / (2 * np.pi))
 
 
-def check_counts(path: Path, mesh: Any) -> None:
+def check_counts(path: Path, parts: list[Any]) -> None:
     """Raises MeshError if a .ply file holds fewer vertices or faces than its header declares."""
     if path.suffix.lower() != ".ply":
         return
     header = path.read_bytes().partition(b"end_header")[0].decode("latin-1")
     declared = dict(re.findall(r"element\s+(vertex|face)\s+(\d+)", header))
-    held = {"vertex": ("vertices", len(mesh.vertices)), "face": ("faces", len(mesh.faces))}
+    vertices, faces = (sum(len(getattr(p, k)) for p in parts) for k in ("vertices", "faces"))
+    held = {"vertex": ("vertices", vertices), "face": ("faces", faces)}
     for element, (word, count) in held.items():
         if count < int(declared.get(element, 0)):
             problem = f"declares {declared[element]} {word}, and holds {count}"
@@ -125,9 +174,11 @@ def source(path: Path) -> tuple[Any, dict[str, Any]]:
     .obj files are read as Latin-1, and other bytes beyond ASCII in text are replaced by "?". Raises
     MeshError for .obj vertices that are not finite, which trimesh would drop with their triangles.
     """
+    from trimesh.resolvers import FilePathResolver
+
     kind = path.suffix.lower().removeprefix(".")
     if kind == "obj":
-        return obj_text(path), {"file_type": kind, "skip_materials": True}
+        return obj_text(path), {"file_type": kind, "resolver": FilePathResolver(str(path))}
     content = path.read_bytes()
     if kind == "ply":
         # Of a binary file, only the header is text.

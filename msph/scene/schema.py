@@ -164,7 +164,9 @@ class BodyEntry(Placed):
     friction: float = parameter(
         FRICTION, ge=0.0, le=10.0, text="coefficient of friction with walls and other bodies"
     )
-    colour: Colour | None = parameter(None, text="colour, sRGB from 0 to 1; default: clay")
+    colour: Colour | None = parameter(
+        None, text="colour, sRGB from 0 to 1; default: the colours of the mesh, or clay"
+    )
 
 
 class OpeningEntry(Section):

@@ -1,11 +1,11 @@
 """Sums over particles at sixteen points at once: coverage and its gradient.
 
-    c(x) = sum over layers l of 1/F_l(x) sum over j in l of V_j w_j W(|x - x_j|, r_j)
+    c(x) = sum over layers l of 1/F_l(x) sum over j in l of V_j W_j(x - x_j)
 
-W is poly6 (Gokdogan 2008, eq. 26 divided by rho0); r_j and w_j are reach and weight of particle j
-(thin_water.py; in deep water r_l = smoothing * h_l and 1); F_l is the part of a full kernel's ball
-inside the box (fluid_fraction.py) and outside bodies. So c is 1 in still water up to walls and
-bodies, for any layers.
+W_j is the kernel of particle j: poly6 (Gokdogan 2008, eq. 26 divided by rho0) of the reach
+r_l = smoothing * h_l in deep water, narrow and stretched in thin water (thin_water.py); F_l is the
+part of a full kernel's ball inside the box (fluid_fraction.py) and outside bodies. So c is 1 in
+still water up to walls and bodies, for any layers.
 """
 
 import numpy as np
@@ -95,8 +95,7 @@ class KernelSums:
 
     @ti.func
     def sum_layer(self, layer, x, y, z, full: ti.template()):
-        """Sums V w W of a layer at the points (x[u], y[v], z[m]) [m], and V w grad W unless
-        full."""
+        """Sums V W of a layer at the points (x[u], y[v], z[m]) [m], and V grad W unless full."""
         r = self.thin.by_layer.reach[layer]
         of_layer = self.thin.full(layer)
         low = vec3(x[0], y[0], z[0])
@@ -108,24 +107,32 @@ class KernelSums:
             for a in range(lo[0], hi[0] + 1):
                 begin_end = self.grid.row(layer, a, b, lo[2], hi[2])
                 for p in range(begin_end[0], begin_end[1]):
-                    xp, own = self.particles.x[p], of_layer
+                    xp, own, narrow = self.particles.x[p], of_layer, False
                     if ti.static(not full):
                         own = self.thin.kernel[p]
-                    per_r2 = own[0]
+                        narrow = own[0] > of_layer[0]
+                        if narrow:
+                            xp = self.thin.centre[p]
                     dx, dy = x - xp[0], y - xp[1]
                     dx2, dy2 = dx * dx, dy * dy
-                    if (ti.min(dx2[0], dx2[1]) + ti.min(dy2[0], dy2[1])) * per_r2 < 1.0:
+                    if (ti.min(dx2[0], dx2[1]) + ti.min(dy2[0], dy2[1])) * of_layer[0] < 1.0:
                         ex, ey, ez = vec16(0.0), vec16(0.0), vec16(0.0)
                         for n in ti.static(range(TILE)):
                             ex[n] = dx[n // HALF_TILE]
                             ey[n] = dy[n // RUN % PAIR]
                             ez[n] = z[n % RUN] - xp[2]
-                        t = ti.max(1.0 - (ex * ex + ey * ey + ez * ez) * per_r2, 0.0)
+                        hx, hy, hz = of_layer[0] * ex, of_layer[0] * ey, of_layer[0] * ez
+                        if ti.static(not full):
+                            if narrow:
+                                d, o = self.thin.squares[p], self.thin.products[p]
+                                hx = d.x * ex + o.z * ey + o.y * ez
+                                hy = o.z * ex + d.y * ey + o.x * ez
+                                hz = o.y * ex + o.x * ey + d.z * ez
+                        t = ti.max(1.0 - (ex * hx + ey * hy + ez * hz), 0.0)
                         wt2 = own[1] * t * t
                         s += wt2 * t
                         if ti.static(not full):
-                            wt2 *= per_r2
-                            ax += wt2 * ex
-                            ay += wt2 * ey
-                            az += wt2 * ez
+                            ax += wt2 * hx
+                            ay += wt2 * hy
+                            az += wt2 * hz
         return s, -6.0 * ax, -6.0 * ay, -6.0 * az

@@ -1,4 +1,5 @@
-"""Narrow kernels for thin water, so that sheets, threads and drops keep their volume.
+"""Narrow, stretched kernels for thin water: sheets, threads and drops keep their volume, and sheets
+and threads are smooth.
 
 Wide kernels make flat surfaces smooth, but in a sheet of particles of spacing d the coverage is
 only 315/256 d/r, which is half at r = 2.45 d; half of that in a thread, and a tenth for an isolated
@@ -9,10 +10,18 @@ surface (fluid_fraction.py), and c_thick halfway between,
     r_j = SHEET_REACH d                       for c < c_sheet, rising to r at c_thick,
     w_j = 1 + (ISOLATED_WEIGHT - 1) t^2,  t = (c_sheet - c)/(c_sheet - c_isolated) if c < c_sheet,
 
-t = 0 otherwise. Both are continuous in c. Yu and Turk (2013) also adapt kernels to the
-neighbourhood, and stretch the kernels along sheets. A particle without neighbours is a drop: the
-drop has no kernel, and a sphere is added to the mesh (drops.py). Meshes for images lack the share
-of each particle that images show as spray (spray.py).
+t = 0 otherwise. Both are continuous in c. The kernel has this reach only across the water. With C
+the covariance of the neighbours' places, weighted by wide kernels, its squared reaches are the
+eigenvalues of
+
+    G = r_j^2 I + (1 - t) (r^2 - r_j^2) X (I + X)^-1,   X = (C/(HALF_STRETCHED r^2))^2,
+
+so nearly r along a sheet: particles merge into a film, whose thickness depends on the reach across
+only. The kernel's centre moves by SMOOTHED (1 - t) towards the mean of the neighbours, up to
+c_thick, which makes a film flat; r in G is less by this motion. Kernels stretched along the water,
+at smoothed places: Yu and Turk (2013). A particle without neighbours is a drop: the drop has no
+kernel, and a sphere is added to the mesh (drops.py). Meshes for images lack the share of each
+particle that images show as spray (spray.py).
 """
 
 import numpy as np
@@ -34,11 +43,19 @@ SHEET_REACH = 1.75
 # Weight (-) of an almost isolated particle, whose surface then encloses its volume. At 2, some
 # particles vanish between the nodes of cells of 0.75 spacings.
 ISOLATED_WEIGHT = 2.6
+# Variance of the neighbours along an axis, over the squared full reach (-), at which the kernel is
+# stretched half-way along it: a sheet has 1/10 along and 0 across, two sheets 1/36 across.
+HALF_STRETCHED = 1.0 / 18.0
+# Share of the way from a particle to the mean of its neighbours by which its kernel is moved in
+# sheets and thinner water (Yu and Turk 2013).
+SMOOTHED = 0.9
 # Distance to the nearest neighbour beyond which a particle is a drop, in mean spacings of the two:
 # the surfaces of two drops touch at 2.1.
 DROP_GAP = 2.15
 # Distance (mean spacings) and squared distance [m^2] to the neighbour of a particle without any.
 NO_NEIGHBOUR = 1e9
+# Least difference between kernels (-) by which is divided.
+TINY = 1e-6
 
 
 @ti.dataclass
@@ -52,15 +69,29 @@ class Sum:
     nearest2: ti.f32
 
 
+@ti.dataclass
+class Moments:
+    """Moments of the places x_j - x [m] of particles j near x, with the weights of Sum: number (-),
+    first [m], and second (squares xx, yy, zz and products yz, zx, xy) [m^2]."""
+
+    x: vec3
+    per_r2: ti.f32
+    total: ti.f32
+    first: vec3
+    squares: vec3
+    products: vec3
+
+
 @data_oriented
 class ThinWater:
-    """The kernel V w poly6(|x - x_j|, r_j) of every particle j.
+    """The kernel of every particle j: V w det(G)^(-1/2) poly6(sqrt(y.G^-1 y)), y = x - centre_j.
 
     by_layer: reach r [m]; isolated, sheet, thick (-): the coverages c_isolated, c_sheet and c_thick
     of the module docstring. kernel, by particle: 1/r_j^2 [1/m^2] and the kernel's value at its
-    particle (-), 0 for a drop. kept, by particle: the share of its volume in the mesh (-). The
-    first drop_count[None] entries of drops are the drops' indices. volume [m^3]: of all other
-    particles in the box, as far as it is kept.
+    centre (-), 0 for a drop. Of particles in thin water, where r_j < r: centre [m]; squares and
+    products [1/m^2]: the entries xx, yy, zz and yz, zx, xy of G^-1. kept, by particle: the share of
+    its volume in the mesh (-). The first drop_count[None] entries of drops are the drops' indices.
+    volume [m^3]: of all other particles in the box, as far as it is kept.
     """
 
     def __init__(self, layers, grid, particles, bodies: Bodies, room: SurfaceRoom):
@@ -69,6 +100,9 @@ class ThinWater:
         self.by_layer = DeviceTable((LAYERS,), reach=f32, isolated=f32, sheet=f32, thick=f32)
         self.spray = Spray(layers, particles, bodies.numbers, room)
         self.kernel = ti.Vector.field(2, ti.f32, shape=room.particles)
+        self.centre, self.squares, self.products = (
+            ti.Vector.field(3, ti.f32, shape=room.particles) for _ in range(3)
+        )
         self.kept = ti.field(ti.f32, shape=room.particles)
         self.drops = ti.field(ti.i32, shape=room.particles)
         self.drop_count, self.volume = ti.field(ti.i32, shape=()), ti.field(ti.f32, shape=())
@@ -115,7 +149,7 @@ class ThinWater:
                 if inside and kept > 0.0:
                     self.drops[ti.atomic_add(self.drop_count[None], 1)] = i
             elif c[0] < self.by_layer.thick[layer]:
-                larger = self.narrow(i, layer, c[0])
+                larger = self.narrow(i, layer, c[0], bodies)
                 self.kernel[i][1] *= kept
         self.kept[i] = kept
         if inside and not drop:
@@ -140,19 +174,32 @@ class ThinWater:
         return ti.math.clamp((sheet - c) / (sheet - isolated), 0.0, 1.0)
 
     @ti.func
-    def narrow(self, i, layer, c):
+    def narrow(self, i, layer, c, bodies: ti.template()):
         """Sets the kernel of particle i, with the coverage c (-), in thin water; returns the
         distance [m] within which the kernel exceeds the full kernel."""
+        mean, spread = self.neighbours(i, bodies)
         sheet, thick = self.by_layer.sheet[layer], self.by_layer.thick[layer]
         full, least = self.by_layer.reach[layer], SHEET_REACH * self.layers.spacing[layer]
         isolated = self.by_layer.isolated[layer]
-        r = ti.math.mix(least, full, ti.max((c - sheet) / (thick - sheet), 0.0))
-        t = self.looseness(c, layer)
-        peak = (1.0 + (ISOLATED_WEIGHT - 1.0) * t * t) * (full / r) ** 3
-        self.kernel[i] = ti.Vector([1.0 / (r * r), isolated * peak])
-        # peak (1 - x^2/r^2)^3 = (1 - x^2/full^2)^3
+        whole, t = ti.max((c - sheet) / (thick - sheet), 0.0), self.looseness(c, layer)
+        moved = SMOOTHED * (1.0 - whole) * (1.0 - t) * mean
+        across2, full2 = ti.math.mix(least, full, whole) ** 2, full * full
+        # The moved kernel stays within the full reach of the particle.
+        along2 = ti.math.mix(ti.max((full - moved.norm()) ** 2, across2), across2, t)
+        one, extent = ti.Matrix.identity(ti.f32, 3), spread / (HALF_STRETCHED * full2)
+        extent = extent @ extent
+        reach2 = across2 * one + (along2 - across2) * (extent @ (one + extent).inverse())
+        weight = 1.0 + (ISOLATED_WEIGHT - 1.0) * t * t
+        peak, inverse = weight * full**3 / ti.sqrt(reach2.determinant()), reach2.inverse()
+        self.kernel[i] = ti.Vector([1.0 / across2, isolated * peak])
+        self.centre[i] = self.particles.x[i] + moved
+        self.squares[i] = vec3(inverse[0, 0], inverse[1, 1], inverse[2, 2])
+        self.products[i] = vec3(inverse[1, 2], inverse[2, 0], inverse[0, 1])
+        # peak (1 - x^2/r^2)^3 = (1 - x^2/full^2)^3 for the longest r.
+        longest2 = ti.min(reach2.trace() - 2.0 * across2, along2)
         s = peak ** (1.0 / 3.0)
-        return ti.sqrt((s - 1.0) / (s / (r * r) - 1.0 / (full * full)))
+        falls = ti.max(s / longest2 - 1.0 / full2, TINY / full2)
+        return ti.sqrt(ti.max(s - 1.0, 0.0) / falls) + moved.norm()
 
     @ti.func
     def coverage(self, i, bodies: ti.template()):
@@ -184,3 +231,39 @@ class ThinWater:
             found.total += u * u * u
             if r2 > 0.0:
                 found.nearest2 = ti.min(found.nearest2, r2)
+
+    @ti.func
+    def neighbours(self, i, bodies: ti.template()):
+        """Computes the mean [m] and the covariance [m^2] of the places of the particles around
+        particle i, relative to it. Walls and bodies hide neighbours: they have no part in the
+        mean."""
+        x, size = self.particles.x[i], self.numbers.size[None]
+        total, mean, d, o = 0.0, vec3(0.0), vec3(0.0), vec3(0.0)
+        for layer in range(self.numbers.layers[None]):
+            r, weight = self.by_layer.reach[layer], self.by_layer.isolated[layer]
+            found = Moments(x=x, per_r2=1.0 / (r * r), total=0.0)
+            self.grid.for_each_row(x, layer, r, self.add_moments, found)
+            for axis in ti.static(range(3)):
+                low, high = cut_share(x[axis] / r), cut_share((size[axis] - x[axis]) / r)
+                found.first[axis] *= (1.0 - 2.0 * low) * (1.0 - 2.0 * high)
+            if ti.static(bodies):
+                found.first *= ti.max(2.0 * self.bodies.open_share(x, layer)[0] - 1.0, 0.0)
+            total += weight * found.total
+            mean += weight * found.first
+            d += weight * found.squares
+            o += weight * found.products
+        # The particle itself adds to total.
+        mean, d, o = mean / total, d / total, o / total
+        second = ti.Matrix([[d.x, o.z, o.y], [o.z, d.y, o.x], [o.y, o.x, d.z]])
+        return mean, second - mean.outer_product(mean)
+
+    @ti.func
+    def add_moments(self, begin, end, found: ti.template()):
+        for j in range(begin, end):
+            e = self.particles.x[j] - found.x
+            u = ti.max(1.0 - e.norm_sqr() * found.per_r2, 0.0)
+            w = u * u * u
+            found.total += w
+            found.first += w * e
+            found.squares += w * e * e
+            found.products += w * e.yzx * e.zxy

@@ -10,14 +10,15 @@ from picture_kit import ball, covered, rays, still_water
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion, Solid
 from msph.fluid.particles.layers import LayerSpec
 from msph.picture.body_faces import KEY_BITS, triangles_of
-from msph.picture.body_shading import CLAY, BodyShading
+from msph.picture.body_paint import lattice
+from msph.picture.body_shading import BodyShading
 from msph.picture.camera import Camera
 from msph.picture.look import Look
 from msph.picture.pixels import colours
 from msph.picture.rasteriser import FAR, NO_ITEM
 from msph.picture.room import COARSE
 from msph.picture.shadows import SHARPNESS, SUN
-from msph.picture.tone import linear
+from msph.picture.tone import CLAY, linear
 from tests.boundary_kit import boundary_of
 
 BOX = (1.0, 1.0, 1.0)
@@ -263,6 +264,40 @@ def test_the_light_of_a_body_is_in_proportion_to_its_albedo(picture):
     # Darker blocks of pixels are interpolated sooner.
     assert np.percentile(abs(painted - expected), 75) < 0.005
     assert painted.mean(axis=0) == pytest.approx(expected.mean(axis=0), rel=0.03)
+
+
+def test_a_lattice_of_colours_has_the_colour_of_each_side():
+    """Across a side of a cube, colours change within a cell of the edge between them."""
+    box = trimesh.creation.box((0.4, 0.3, 0.2))
+    top = box.face_normals[:, 1] > 0.5
+    paint = np.where(top[:, None], (0.9, 0.6, 0.0), (0.1, 0.1, 0.2))
+    low, cell, colours = lattice(box.triangles, paint, 20_000)
+    assert colours[..., 0].size <= 20_000
+    x, side = trimesh.sample.sample_surface(box, 2000, seed=1)
+    inner = x[:, 1] < 0.15 - 2.0 * cell
+    nearest = np.round((x - low) / cell).astype(int)
+    found = colours[tuple(nearest.T)]
+    clear = top[side] & (abs(x[:, [0, 2]]) < (0.2 - 2.0 * cell, 0.1 - 2.0 * cell)).all(axis=1)
+    assert clear.sum() > 200 and (inner & ~top[side]).sum() > 200
+    assert found[clear] == pytest.approx(np.tile((0.9, 0.6, 0.0), (clear.sum(), 1)))
+    sides = inner & ~top[side]
+    assert found[sides] == pytest.approx(np.tile((0.1, 0.1, 0.2), (sides.sum(), 1)))
+
+
+def test_a_painted_body_shows_the_colours_of_its_triangles(picture):
+    """A cube with a black front and white other sides, in the eye's rays."""
+    box = trimesh.creation.box((0.4, 0.4, 0.4)).apply_translation((0.5, 0.4, 0.5))
+    front = box.face_normals[:, 2] > 0.5
+    paint = np.where(front[:, None], (0.02, 0.02, 0.02), (0.9, 0.9, 0.9))
+    cube = Solid(np.array(box.vertices), np.array(box.faces), paint=paint)
+    boundary_of(BOX, [LAYER], [cube])
+    picture.mesh.counts.fill(0)
+    picture.load(WIDTH, HEIGHT, BOX)
+    picture.draw_water(Camera.framing(BOX, WIDTH / HEIGHT, azimuth=0.0, elevation=0.5))
+    image, depth = linear(picture.image.to_numpy()), body_depth(picture)
+    light = image[depth < 100.0].mean(axis=-1)
+    dark = light < 0.2
+    assert 0.2 < dark.mean() < 0.8 and np.median(light[~dark]) > 4.0 * np.median(light[dark])
 
 
 def test_the_waterline_at_a_container_is_exact(picture, boundary):

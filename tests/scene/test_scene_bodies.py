@@ -5,6 +5,7 @@ import pytest
 import trimesh
 
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
+from msph.picture.tone import CLAY, albedo
 from msph.scene import SceneError, build_simulation, load_scene
 from msph.scene.bodies import bodies, placed
 from msph.scene.load import to_toml
@@ -39,6 +40,9 @@ BAD = {
     "bodies=[{mesh='turned.obj'}]": "bodies.0.mesh: turned.obj: has no clear inside",
     "bodies=[{mesh='scene.toml'}]": "bodies.0.mesh: scene.toml: unknown mesh format",
     "bodies=[{mesh='short.ply'}]": "short.ply: declares 2000000000 faces, and holds 12",
+    "bodies=[{mesh='lost.obj'}]": "lost.obj: has materials, but there is no file lost.mtl",
+    "bodies=[{mesh='wrong.obj'}]": "wrong.obj: material bleu is not in paints.mtl; did you mean "
+    "'blue'?",
     "bodies=[{mesh='inverted.obj'}]": "inverted.obj: body 2 of 2 is inside out",
     f"bodies=[{{mesh='{300 * 'x'}.obj'}}]": "x: no such mesh file; shipped: ",
     "container={mesh='open.ply'}": "container.mesh: open.ply: is not closed: 9 open edges",
@@ -92,6 +96,22 @@ def folder(tmp_path_factory):
     trimesh.util.concatenate([box, inner]).export(path / "hollow.obj")
     inner.apply_translation((0.6, 0.0, 0.0))
     trimesh.util.concatenate([box, inner]).export(path / "inverted.obj")
+    head, *lines = [line for line in brick.splitlines() if line[:2] in ("v ", "f ")]
+    painted = "\n".join(["mtllib paints.mtl", head, *lines[:-6], "usemtl red", *lines[-6:-1]])
+    painted += f"\nusemtl blue\n{lines[-1]}\n"
+    (path / "painted.obj").write_text(painted)
+    (path / "paints.mtl").write_text("newmtl red\nKd 1 0 0\nnewmtl blue\nKd 0 0.2 0.4\n")
+    (path / "wrong.obj").write_text(painted.replace("usemtl blue", "usemtl bleu"))
+    (path / "lost.obj").write_text(painted.replace("paints", "lost"))
+    (path / "plain.obj").write_text(painted.replace("mtllib paints.mtl", ""))
+    for kind in ("face", "vertex"):
+        box = trimesh.creation.box((0.4, 0.2, 0.4))
+        setattr(
+            box.visual,
+            f"{kind}_colors",
+            np.tile((255, 128, 5, 255), (12, 1))[: 8 + 4 * (kind == "face")],
+        )
+        box.export(path / f"{kind}.ply")
     (path / "nan.obj").write_text(brick.replace("v 0.20000000", "v nan", 1))
     return path
 
@@ -196,6 +216,23 @@ def test_bodies_that_leave_no_water_are_refused(folder):
 def test_an_open_box_around_a_container_is_refused():
     with pytest.raises(SceneError, match="box.open: has no effect: no water leaves a container"):
         load_scene("bowl", ("box.open=true",))
+
+
+def test_triangles_have_the_colours_of_their_materials(folder):
+    """Triangles before the first material are clay, `colour` replaces all colours, and an .obj file
+    without a library has none."""
+
+    def paint(name, more=""):
+        override = f"bodies=[{{mesh='{name}', position=[0.5, 0.3, 0.5]{more}}}]"
+        return bodies(load(folder, override))[0].paint
+
+    colours, counts = np.unique(paint("painted.obj"), axis=0, return_counts=True)
+    assert colours == pytest.approx(np.array([(0.0, 0.2, 0.4), CLAY, (1.0, 0.0, 0.0)]), abs=0.002)
+    assert list(counts) == [1, 6, 5]
+    assert paint("painted.obj", ", colour=[0, 1, 0]") is None and paint("plain.obj") is None
+    for name in ("face.ply", "vertex.ply"):
+        expected = np.tile(albedo(np.array((255, 128, 5)) / 255), (12, 1))
+        assert paint(name) == pytest.approx(expected)
 
 
 def test_the_colour_of_a_body_is_its_albedo_in_srgb(folder):

@@ -7,6 +7,7 @@ import trimesh
 import msph
 from msph.export.files import write_mesh
 from msph.measure.table import read
+from msph.scene.meshes import load_mesh
 
 # Water that falls on a floating ball, so that there are spray, a body in motion and foam.
 SCENE = {
@@ -18,7 +19,7 @@ SCENE = {
     ],
     "bodies": [
         {"name": "ball", "centre": (0.15, 0.2, 0.25), "radius": 0.06, "density": 400},
-        {"mesh": "torus.obj", "scale": 0.15, "position": (0.35, 0.05, 0.25), "colour": (1, 0, 0)},
+        {"mesh": "duck.obj", "scale": 0.15, "position": (0.35, 0.05, 0.25)},
     ],
     "sway": {"angle": 5, "period": 0.5},
 }
@@ -99,8 +100,7 @@ def test_droplets_have_the_volume_that_the_mesh_lacks(folder):
 
 
 def test_bodies_are_one_obj_file_with_a_transform_per_frame(folder, water):
-    scene = trimesh.load(folder / "b.obj", split_object=True, group_material=False)
-    assert len(scene.geometry) == 2
+    assert (folder / "b.obj").read_text().count("\no ") == 2
     assert "newmtl ball" in (folder / "b.mtl").read_text()
     table = read(folder / "b.csv")
     last = (table["frame"] == FRAMES - 1) & (table["body"] == 0)
@@ -109,6 +109,20 @@ def test_bodies_are_one_obj_file_with_a_transform_per_frame(folder, water):
     assert turn @ turn.T == pytest.approx(np.eye(3), abs=1e-6)
     moved = turn @ SCENE["bodies"][0]["centre"] + shift
     assert moved == pytest.approx(water.bodies["ball"].position, abs=1e-4)
+
+
+def test_bodies_keep_the_materials_of_their_mesh(folder):
+    text = (folder / "b.obj").read_text()
+    own = [part.split()[0] for part in text.split("usemtl ")[1:]]
+    assert own == ["ball", "bodies.1", "bodies.1_1", "bodies.1_2"]
+    scene = trimesh.load(folder / "b.obj", force="scene")
+    counts = {
+        tuple(part.visual.material.main_color[:3]): len(part.faces)
+        for part in scene.geometry.values()
+    }
+    colours, faces = np.unique(load_mesh("duck.obj")[2], axis=0, return_counts=True)
+    for colour, count in zip(colours, faces, strict=True):
+        assert counts[tuple((255 * colour).round().astype(int))] == count
 
 
 def test_a_usd_film_has_all_samples_and_the_camera_sees_what_the_image_shows(water, tmp_path):

@@ -21,10 +21,21 @@ def brute_force(water):
     layer = water.particles.numpy("layer")
     thin = water.surface.thin
     reach = thin.by_layer.reach.to_numpy()[: water.layers.count]
-    per_r2, weight = thin.kernel.to_numpy()[: len(positions)].astype(np.float64).T
+    n = len(positions)
+    per_r2, weight = thin.kernel.to_numpy()[:n].astype(np.float64).T
+    narrow = per_r2 > 1.0 / reach[layer] ** 2
+    assert narrow.any()
+    inverse = per_r2[:, None, None] * np.eye(3)
+    for m, entries in enumerate((thin.squares, thin.products)):
+        values = entries.to_numpy()[:n][narrow]
+        for k in range(3):
+            i, j = ((k, k), ((k + 1) % 3, (k + 2) % 3))[m]
+            inverse[narrow, i, j] = inverse[narrow, j, i] = values[:, k]
+    positions[narrow] = thin.centre.to_numpy()[:n][narrow]
 
     def coverage(x: np.ndarray) -> float:
-        u = np.maximum(1.0 - ((positions - x) ** 2).sum(axis=1) * per_r2, 0.0)
+        y = x - positions
+        u = np.maximum(1.0 - np.einsum("ni,nij,nj->n", y, inverse, y), 0.0)
         total = 0.0
         for number, r in enumerate(reach):
             fraction = np.prod([fluid_fraction(x[a], SIZE[a], r)[0] for a in range(3)])

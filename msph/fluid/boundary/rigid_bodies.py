@@ -176,7 +176,7 @@ class Solid:
     """Closed mesh: vertices (v, 3) [m], triangles (t, 3) counter-clockwise seen from outside.
 
     container: True if the water is inside the mesh; the walls of the box then only stop particles
-    that would leave the box.
+    that would leave the box. paint (t, 3): albedos of the triangles, instead of one albedo.
     """
 
     vertices: np.ndarray
@@ -187,6 +187,7 @@ class Solid:
     release: float = 0.0
     albedo: Vec3 | None = None
     container: bool = field(default=False)
+    paint: np.ndarray | None = None
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
