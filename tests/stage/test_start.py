@@ -44,7 +44,7 @@ def test_first_images_need_few_kernels_and_syntax_nodes() -> None:
     for their first use, or functions that are inlined at fewer places, not a higher limit.
 
     The second scene has bodies, and its numbers are of what it needs in addition to the first."""
-    limits = {"pool": (66, 80_000), "duck": (70, 162_000)}
+    limits = {"pool": (63, 61_000), "duck": (60, 121_000)}
     result = subprocess.run(
         [sys.executable, "-c", SCRIPT, *limits],
         env={**os.environ, "TI_ADVANCED_OPTIMIZATION": "0"},
