@@ -72,9 +72,7 @@ class Student:
                 progress.again()
                 break
             if progress.ticked[progress.page - 1] and not ticked:
-                # Sliders and camera first reach the values that the text names.
-                moving = math.ceil(MOVING * number) - (k + 1) if self.row else 0
-                left = max(round(self.lingers / FRAME), min(moving, left))
+                left = round(self.lingers / FRAME)
         return progress.ticked[progress.page - 1]
 
     def _view(self) -> tuple[float, ...]:
@@ -97,7 +95,9 @@ class Student:
             hand = self._hand(solution) if pushes and any(solution.push) else Hand()
             azimuth = self._view()[0] if self._view() else 0.0
             self.row.frame(Controls(FRAME, tilt=(roll, pitch), azimuth=azimuth, hand=hand))
-        self.progress.update()
+        # Sliders, pool and camera first reach the values that the text names.
+        if share == 1.0:
+            self.progress.update()
         self.see()
 
     def _hand(self, solution: Solution) -> Hand:
