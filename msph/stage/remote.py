@@ -237,7 +237,8 @@ class RemoteShow(ShownScene):
         self.simulated, self.note = self.now.simulated, answer.notes[k] or self.note
         # A recording does not contain the initial state.
         self.fresh = self.interactive or self.simulated > 0.0
-        self.timings.add("fluid", self.now.fluid)
+        if self.now.fluid > 0.0:  # not while paused
+            self.timings.add("fluid", self.now.fluid)
         if self.now.resets != resets:
             self.display.reset()
         if answer.changes[k] != self.reported:

@@ -26,6 +26,7 @@ from msph.stage.link import Files, Order
 from msph.stage.process import simulations, start_simulations
 from msph.stage.recorded_input import Header, RecordedFrame, line_of, read
 from msph.stage.remote import Remote, SimulationError
+from msph.stage.row import speed_and_error
 from msph.stage.show import INTERACTIVE, Show
 from tests.scenes_kit import write
 from tests.stage.player_kit import FRAME, SIZE, frames, played, press
@@ -138,6 +139,16 @@ def test_two_processes_compute_what_one_computes(remote):
     answered(row)
     assert [getattr(theirs, n) for n in names] == pytest.approx([getattr(ours, n) for n in names])
     here.close()
+
+
+def test_the_label_of_a_paused_simulation_has_no_time(remote):
+    """Regression: the label said "0.0 ms"."""
+    _, row = remote
+    row.lead.timings.discard()
+    row.frame(Controls(still=True))
+    answered(row)
+    row.lead.timings.close_frame()
+    assert "ms" not in speed_and_error(row.lead)[0]
 
 
 @on_linux
