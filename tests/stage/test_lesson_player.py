@@ -101,6 +101,26 @@ def test_reset_of_a_task_levels_the_pool(player, row):
     assert player.menu.next is None, "no other scene is led to"
 
 
+@pytest.mark.slow
+def test_a_pool_of_the_lesson_pressure_stays_tilted_while_its_water_flows(layout, tmp_path):
+    """Regression: the pool came level when the key was up, and its water ran to one side while it
+    was down, so that the task could not be completed."""
+    course = load_lesson("pressure")
+    row = prepare_row(course.scenes, [""], SIZE, None, band_height(text_height(HEIGHT)))
+    guide = Guide(course, row, SIZE)
+    player = Player(Screen(), row, Choice("a", "large"), layout, SceneArguments("a"), guide)
+    player.saver.folder = tmp_path
+    press(player, row, "c", "n", "n")
+    player.window.held = {"Left"}
+    player.window.pressed.append("Left")
+    while guide.progress.numbers["water"].tilt < 9.0:
+        frames(player, row)
+    player.window.held = set()
+    frames(player, row, 200)
+    assert guide.progress.ticked[1], guide.shown
+    row.close()
+
+
 def test_a_press_acts_on_one_widget():
     """A press acts on the widget under it, and on no other until the button is released.
 
