@@ -19,8 +19,9 @@ from msph.constants import DEFAULT_SCENE, VERSION
 __version__ = VERSION
 __all__ = ["Body", "BodyState", "Frame", "MsphError", "Particles", "Water", "open"]
 
-# Hides the banner that Taichi prints on import.
+# Hides the banner that Taichi prints on import, and its message in notebooks.
 os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "False")
+os.environ.setdefault("TI_ENABLE_PYBUF", "0")
 
 
 def open(

@@ -1,6 +1,9 @@
 """Test that runs the notebooks of docs/notebooks in this process, with short simulations."""
 
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import matplotlib
@@ -11,6 +14,15 @@ ROOT = Path(__file__).parent.parent
 NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
 # Simulated time [s] of a run.
 SECONDS = 0.1
+
+
+def test_an_import_in_a_notebook_prints_nothing():
+    """Regression: Taichi's "Graphical python shell detected" was in red above the first result."""
+    code = "import io, sys; sys.stdout = io.StringIO(); import msph; msph.Water"
+    clean = {k: v for k, v in os.environ.items() if k != "TI_ENABLE_PYBUF"}
+    run = [sys.executable, "-c", code]
+    found = subprocess.run(run, capture_output=True, text=True, check=True, env=clean)
+    assert found.stdout + found.stderr == ""
 
 
 @pytest.mark.slow

@@ -112,6 +112,8 @@ class Film:
             whole = self.vt.IntArray.FromNumpy(np.ascontiguousarray(arrays["layer"], np.int32))
             self.primvars["layer"].Set(whole, frame)
         x, radius, v = surface.thin.spray.droplets()
+        if not len(x):  # Blender 5.0 crashes on points without a point: one of width 0
+            x, radius, v = np.zeros((1, 3)), np.zeros(1), np.zeros((1, 3))
         self.droplets.CreatePointsAttr().Set(self._vectors(x), frame)
         self.droplets.CreateWidthsAttr().Set(self._numbers(2.0 * radius), frame)
         self.droplets.CreateVelocitiesAttr().Set(self._vectors(v), frame)

@@ -156,3 +156,17 @@ def test_a_usd_film_has_all_samples_and_the_camera_sees_what_the_image_shows(wat
     assert np.array(view.Transform((0.25, 0.25, 0.25)))[:2] == pytest.approx([0, 0], abs=1e-6)
     fov = camera.GetCamera(0.0).GetFieldOfView(camera.GetCamera(0.0).FOVVertical)
     assert fov == pytest.approx(water.scene.camera.fov, abs=1e-3)
+
+
+def test_a_usd_film_without_droplets_has_a_point_of_no_width(water, tmp_path, monkeypatch):
+    """Regression: Blender 5.0 crashed on points without a point."""
+    pytest.importorskip("pxr")
+    from pxr import Usd, UsdGeom
+
+    none = np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3))
+    monkeypatch.setattr(water._show.display.surface.thin.spray, "droplets", lambda: none)
+    water.record(seconds=1 / 30, usd=tmp_path / "film.usda", size=(160, 90))
+    stage = Usd.Stage.Open(str(tmp_path / "film.usda"))
+    points = UsdGeom.Points.Get(stage, "/Tank/Droplets")
+    assert list(points.GetWidthsAttr().Get(0)) == [0.0]
+    assert len(points.GetPointsAttr().Get(0)) == len(points.GetVelocitiesAttr().Get(0)) == 1
