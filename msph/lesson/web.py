@@ -25,6 +25,8 @@ from msph.stage.preparation import prepare_row
 TEMPLATE = Path(__file__).with_name("page.html")
 # Size of images and videos [pixels]; a video shows every SKIP-th frame.
 SIZE, SKIP = (960, 400), 2
+# Height of a browser's controls below a video [pixels at SIZE], which else cover the labels.
+CONTROLS = 70
 # Number of images along a slider: without steps, alone and with others; at most with steps.
 POSITIONS, FEW_POSITIONS, MAX_POSITIONS = 9, 5, 12
 # Text of a task of simulations, which a page shows in a video.
@@ -54,6 +56,7 @@ def page(course: Course, tasks: list[str]) -> str:
     )
     return Template(TEMPLATE.read_text(encoding="utf-8")).substitute(
         window=pointer.format(escape(course.name)) if shipped else "",
+        film=f"{SIZE[0]} / {SIZE[1] + CONTROLS}",
         title=escape(lesson.title),
         ask=escape(lesson.predict.ask),
         choices="\n".join(choices),

@@ -28,6 +28,9 @@ def test_a_page_is_complete_and_needs_no_network(tmp_path):
     assert formula and ET.fromstring(formula[0]).tag.endswith("svg")
     assert len(set(re.findall(r'<p id="verdict"', text))) == 1
     assert json.dumps(lesson.predict.because) in text, "a wrong answer is explained"
+    # Regression: a browser's controls covered the labels below a video.
+    width, height = map(int, re.search(r"aspect-ratio: (\d+) / (\d+)", text).groups())
+    assert width == web.SIZE[0] and height > web.SIZE[1]
 
 
 def test_no_text_of_a_lesson_becomes_code_of_its_page(tmp_path, monkeypatch):
