@@ -355,6 +355,8 @@ class Boundary(BodyShapes):
     def find_mirrors(self) -> None:
         """Finds the walls that mirror each body at the beginning of the step, as bits: those within
         a kernel's reach that it does not cross."""
+        if not self.bodies:
+            return
         centres, turns = self._at_begin
         turned = np.where(self._round[:, None, None], np.eye(3), np.abs(turns))
         out = (turned @ self._half[:, :, None])[..., 0]
