@@ -14,7 +14,7 @@ import numpy as np
 import taichi as ti
 
 from msph.fluid.boundary.boundary import Boundary
-from msph.fluid.boundary.rigid_bodies import Body
+from msph.fluid.boundary.rigid_bodies import Body, Solid
 from msph.fluid.boundary.rim import MOST_DROPS, drop_table
 from msph.fluid.constants import Constants
 from msph.fluid.particles.layers import Layers
@@ -165,7 +165,12 @@ def receive(state: State, packet: Packet, arrays: Arrays) -> None:
         columns = np.split(arrays["drops"], (3, 6, 7), axis=1)
         state.rim.drops.fill(**dict(zip(("x", "v", "radius", "life"), columns, strict=True)))
     if packet.bodies is not None:
-        _load_bodies(state, packet.bodies)
+        # Meshes that are here already have been sampled, which takes up to a second.
+        own = {b.vertices.tobytes(): b for b in state.boundary.bodies if isinstance(b, Solid)}
+        bodies = [
+            own.get(b.vertices.tobytes(), b) if isinstance(b, Solid) else b for b in packet.bodies
+        ]
+        _load_bodies(state, bodies)
     if packet.openings is not None:
         _load_openings(state, packet.openings)
     if state.boundary.moving:

@@ -1,15 +1,17 @@
 """Colours of bodies with several materials, on a lattice around each body.
 
-Triangles of the eye's rays and hits of marched rays look up the same lattice by their place, so
-that a body has one colour however it is seen. A node has the mean colour of the surface in the
-cells around it, so borders between colours are a cell wide.
+Rays of the eye and reflected and refracted rays look up the same lattice, so that a place has the
+same colour in all of them. Borders between colours are about a cell wide.
 """
+
+from functools import lru_cache
 
 import numpy as np
 import taichi as ti
 
 from msph.device_table import DeviceTable, f32, i32
-from msph.fluid.boundary.rigid_bodies import Body, centre
+from msph.fluid.boundary.rigid_bodies import Body, Solid, centre
+from msph.fluid.external_forces import cross
 from msph.fluid.room import MAX_BODIES
 from msph.launches import data_oriented
 from msph.picture.pixels import colour_of, words
@@ -18,6 +20,9 @@ vec3, ivec3 = ti.math.vec3, ti.math.ivec3
 
 # Nodes of all lattices: a body in a cube has 96 along an edge, eight bodies have 48 each.
 ROOM = 96**3
+# Least edge of a cell, over the longest edge of a body's bounds; growth (-) of cells until all
+# nodes fit; longest extent of a part of a triangle, in cells: each crossed cell then has a part.
+LEAST_CELL, GROWTH, LONGEST = 0.01, 1.05, 0.5
 
 
 @data_oriented
@@ -39,11 +44,10 @@ class BodyPaint:
             if paint is None:
                 columns.append((-1, (2, 2, 2), (0.0, 0.0, 0.0), 1.0))
                 continue
-            corners = body.vertices[body.triangles] - centre(body)
-            low, cell, found = lattice(corners, paint, ROOM // number)
-            columns.append((first, found.shape[:3], low, cell))
-            nodes.append(words(found).ravel())
-            first += len(nodes[-1])
+            low, cell, found = painted(body, ROOM // number)
+            columns.append((first, found.shape, low, cell))
+            nodes.append(found.ravel())
+            first += found.size
         begins, dims, lows, cells = zip(*columns, strict=True)
         self.lattices.fill(first=begins, dims=dims, low=lows, cell=cells)
         if number:
@@ -69,34 +73,44 @@ class BodyPaint:
         return colour, border
 
 
+@lru_cache(MAX_BODIES)
+def painted(body: Solid, room: int) -> tuple[np.ndarray, float, np.ndarray]:
+    """Returns lattice() of a painted body, in its frame, with albedos as words (nx, ny, nz)."""
+    low, cell, found = lattice(body.vertices[body.triangles] - centre(body), body.paint, room)
+    return low, cell, words(found)
+
+
 def lattice(
     corners: np.ndarray, paint: np.ndarray, room: int
 ) -> tuple[np.ndarray, float, np.ndarray]:
     """Returns the first node [m], the edge of a cell [m] and the albedos (nx, ny, nz, 3) of a
-    lattice of at most `room` nodes around triangles (t, 3, 3) with the albedos `paint` (t, 3)."""
-    points = corners.reshape(-1, 3)
-    low, extents = points.min(axis=0), np.ptp(points, axis=0)
-    # The nodes of a lattice of cubic cells, without those at its ends, fill a box of the extents.
-    cell = max(float(np.cbrt(np.prod(extents) / room)), float(extents.max()) / 100.0)
+    lattice of at most `room` nodes around triangles (t, 3, 3) [m] with the albedos `paint` (t, 3).
+
+    A node has the mean albedo of the surface in the eight cells around the node, and nodes without
+    surface the mean albedo of all triangles."""
+    low, extents = corners.min(axis=(0, 1)), np.ptp(corners, axis=(0, 1))
+    cell = max(float(np.cbrt(np.prod(extents) / room)), float(extents.max()) * LEAST_CELL)
     while np.prod(dims := np.ceil(extents / cell).astype(int) + 1) > room:
-        cell *= 1.05
-    # Triangles are divided until their middles lie in all cells that the surface crosses.
-    while (long := np.ptp(corners, axis=1).max(axis=1) > 0.5 * cell).any():
-        a, b, c = corners[long].transpose(1, 0, 2)
+        cell *= GROWTH
+    # By corner, axis and triangle: sums along long rows are faster.
+    whole, tint, done = np.ascontiguousarray(corners.transpose(1, 2, 0)), paint.T, []
+    while whole.shape[2]:
+        long = np.ptp(whole, axis=0).max(axis=0) > LONGEST * cell
+        done.append((whole[:, :, ~long], tint[:, ~long]))
+        a, b, c = whole[:, :, long]
         ab, bc, ca = 0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)
-        parts = [np.stack(t, 1) for t in ((a, ab, ca), (b, bc, ab), (c, ca, bc), (ab, bc, ca))]
-        corners = np.concatenate([corners[~long], *parts])
-        paint = np.concatenate([paint[~long], *[paint[long]] * 4])
-    area = np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
-    at = np.clip(((corners.mean(axis=1) - low) / cell).astype(int), 0, dims - 2)
-    total, weight = np.zeros((np.prod(dims), 3)), np.zeros(np.prod(dims))
-    for q in np.ndindex(2, 2, 2):
-        node = np.ravel_multi_index((at + q).T, dims)
-        weight += np.bincount(node, area, len(weight))
-        for k in range(3):
-            total[:, k] += np.bincount(node, area * paint[:, k], len(weight))
-    found = total / np.maximum(weight, np.finfo(float).tiny)[:, None]
-    found[weight == 0.0] = np.average(paint, axis=0, weights=area)
-    return low, cell, found.reshape(*dims, 3)
+        whole = np.stack([[a, b, c, ab], [ab, bc, ca, bc], [ca, ab, bc, ca]])
+        whole = whole.transpose(0, 2, 1, 3).reshape(3, 3, -1)
+        tint = np.tile(tint[:, long], 4)
+    parts, tints = (np.concatenate(each, axis=-1) for each in zip(*done, strict=True))
+    a, b, c = parts.transpose(0, 2, 1)
+    area = np.linalg.norm(cross(b - a, c - a), axis=1)
+    at = np.clip(((parts.mean(axis=0).T - low) / cell).astype(int), 0, dims - 2)
+    cells, size = np.ravel_multi_index(at.T, dims), int(np.prod(dims))
+    sums = [np.bincount(cells, area * tint, size) for tint in (1.0, *tints)]
+    around = np.reshape(sums, (4, *dims))
+    for axis in (1, 2, 3):  # the last cells are empty
+        around = around + np.roll(around, 1, axis)
+    found = around[1:] / np.maximum(around[0], np.finfo(float).tiny)
+    found[:, around[0] == 0.0] = (tints @ area / area.sum())[:, None]
+    return low, cell, np.moveaxis(found, 0, -1)

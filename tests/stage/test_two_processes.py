@@ -3,6 +3,7 @@ and the end of either process."""
 
 import contextlib
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -14,11 +15,13 @@ import numpy as np
 import psutil
 import pytest
 
+from msph.fluid.boundary.rigid_bodies import Ball, centre
 from msph.lesson.quantities import Numbers
 from msph.measure.timings import Timings
 from msph.options import CaptureOptions, RunOptions
 from msph.own_files import release
 from msph.scene import load_scene
+from msph.scene.build import plan_of
 from msph.stage.commands import capture
 from msph.stage.controls import Controls, ToolUse
 from msph.stage.layout import Layout
@@ -28,6 +31,8 @@ from msph.stage.recorded_input import Header, RecordedFrame, line_of, read
 from msph.stage.remote import Remote, SimulationError
 from msph.stage.row import speed_and_error
 from msph.stage.show import INTERACTIVE, Show
+from msph.state import Moment, Wanted
+from msph.transfer import PARTICLES, Packet, give_back, own_state, receive
 from tests.scenes_kit import write
 from tests.stage.player_kit import FRAME, SIZE, frames, played, press
 from tests.tiers import slow_but
@@ -149,6 +154,22 @@ def test_the_label_of_a_paused_simulation_has_no_time(remote):
     answered(row)
     row.lead.timings.close_frame()
     assert "ms" not in speed_and_error(row.lead)[0]
+
+
+def test_a_body_that_is_added_has_no_mesh_sampled_again():
+    """Regression: the bodies that the other process sent were other objects, so that the window
+    waited for the samples of all meshes after each throw of a body."""
+    body = "{mesh='torus.obj', scale=0.2, position=[0.3, 0.45, 0.3], density=300}"
+    plan = plan_of(load_scene("still", (f"bodies=[{body}]",)))
+    state = own_state(plan)
+    mesh, added = state.boundary.bodies[0], Ball(np.array([0.1, 0.5, 0.1]), 0.05, mass=0.1)
+    bodies = pickle.loads(pickle.dumps([*plan.bodies, added]))
+    centres, turns = np.array([centre(b) for b in bodies]), np.array([np.eye(3)] * 2)
+    packet = Packet(Moment(), Wanted(), 1, False, centres, turns, bodies, None)
+    arrays = {key: np.zeros((1, k)[: 1 + (k > 1)], kind) for key, (k, kind) in PARTICLES.items()}
+    receive(state, packet, arrays)
+    assert state.boundary.bodies[0] is mesh and state.boundary.count == 2
+    give_back(state)
 
 
 @on_linux
