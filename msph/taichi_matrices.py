@@ -18,8 +18,8 @@ from taichi.lang.matrix_ops_utils import check_matmul, preconditions
 
 _reduce_by_taichi, _multiply_by_taichi = matrix_ops._reduce, matrix_ops._matmul_helper
 _cross_by_taichi, _transpose_by_taichi = matrix_ops.cross, matrix_ops.transpose
-# Functions of one line whose code builds the same expressions as plain Python.
-PLAIN = "sum", "norm_sqr", "norm", "dot", "max", "min", "matmul"
+# Functions whose code builds the same expressions if Python runs that code.
+RUN_BY_PYTHON = "sum", "norm_sqr", "norm", "dot", "max", "min", "matmul"
 
 
 def _components(matrix: Expr) -> Any:
@@ -81,7 +81,8 @@ def clamp(x: Any, low: Any, high: Any) -> Any:
 
 
 def as_python(by_taichi: Callable) -> Callable:
-    """Returns a function of vectors or matrices that Taichi calls instead of inlining its code."""
+    """Returns a function of vectors or matrices whose code Python runs, instead of Taichi's front
+    end node by node."""
     body = inspect.unwrap(by_taichi)
 
     def call(*arguments: Any, **options: Any) -> Any:
@@ -94,7 +95,7 @@ def as_python(by_taichi: Callable) -> Callable:
 
 def use() -> None:
     """Replaces Taichi's functions."""
-    functions = {name: as_python(getattr(matrix_ops, name)) for name in PLAIN}
+    functions = {name: as_python(getattr(matrix_ops, name)) for name in RUN_BY_PYTHON}
     functions |= {"_reduce": reduce_matrix, "cross": cross, "transpose": transpose}
     # Taichi warns of functions of other modules.
     for function in (*functions.values(), multiply, clamp):

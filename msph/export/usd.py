@@ -69,7 +69,7 @@ class Film:
     def _body(self, geometry: Any, b: int, name: str, materials: list[Any]) -> Any:
         """Defines the mesh of a body at time zero and returns its transform."""
         mesh = faces(shown_body(self.show.simulation, b))
-        safe = "".join(c if c.isalnum() else "_" for c in name)
+        safe = _path_name(name)
         made = geometry.Mesh.Define(self.stage, f"/Tank/Bodies/{safe}")
         made.CreateSubdivisionSchemeAttr(geometry.Tokens.none)
         made.CreatePointsAttr(self._vectors(mesh.vertices))
@@ -77,7 +77,7 @@ class Film:
         colours = np.zeros((len(mesh.faces), 3))
         for material, colour, part in materials:
             colours[part] = colour
-            own = "".join(c if c.isalnum() else "_" for c in material)
+            own = _path_name(material)
             paint = self.shade.Material.Define(self.stage, f"/Materials/{own}")
             shader = self.shade.Shader.Define(self.stage, f"/Materials/{own}/Surface")
             shader.CreateIdAttr("UsdPreviewSurface")
@@ -145,6 +145,11 @@ class Film:
 
     def _numbers(self, values: np.ndarray) -> Any:
         return self.vt.FloatArray.FromNumpy(np.ascontiguousarray(values, np.float32))
+
+
+def _path_name(name: str) -> str:
+    """Returns a name in which other characters than letters and digits are underscores."""
+    return "".join(c if c.isalnum() else "_" for c in name)
 
 
 def moved(turn: np.ndarray, shift: np.ndarray) -> Any:

@@ -25,7 +25,7 @@ from msph.stage.preparation import prepare_row
 TEMPLATE = Path(__file__).with_name("page.html")
 # Size of images and videos [pixels]; a video shows every SKIP-th frame.
 SIZE, SKIP = (960, 400), 2
-# Height of a browser's controls below a video [pixels at SIZE], which else cover the labels.
+# Height of a browser's controls [pixels at SIZE], below a video: over it they would cover labels.
 CONTROLS = 70
 # Number of images along a slider: without steps, alone and with others; at most with steps.
 POSITIONS, FEW_POSITIONS, MAX_POSITIONS = 9, 5, 12

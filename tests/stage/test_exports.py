@@ -154,6 +154,11 @@ def test_a_usd_film_has_all_samples_and_the_camera_sees_what_the_image_shows(wat
     camera = UsdGeom.Camera.Get(stage, "/Camera")
     view = camera.GetCamera(0.0).frustum.ComputeViewMatrix()
     assert np.array(view.Transform((0.25, 0.25, 0.25)))[:2] == pytest.approx([0, 0], abs=1e-6)
+    duck = UsdGeom.Mesh.Get(stage, "/Tank/Bodies/bodies_1")
+    number = len(duck.GetFaceVertexCountsAttr().Get())
+    assert len(duck.GetDisplayColorAttr().Get()) == number
+    parts = UsdGeom.Subset.GetAllGeomSubsets(duck)
+    assert len(parts) == 3 and sum(len(p.GetIndicesAttr().Get()) for p in parts) == number
     fov = camera.GetCamera(0.0).GetFieldOfView(camera.GetCamera(0.0).FOVVertical)
     assert fov == pytest.approx(water.scene.camera.fov, abs=1e-3)
 

@@ -76,7 +76,7 @@ def test_a_sheet_one_particle_thick_keeps_its_volume_and_has_no_hole(water, heig
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_sheet_of_irregular_particles_is_a_film_without_holes(smooth_water, seed):
-    """Particles 0.15 spacings (rms) off their lattice. Regression: such a film had one to four
+    """Particles 0.15 spacings (rms) off their lattice. Regression: such a film had three
     holes, since kernels were as narrow along a sheet as across it."""
     x = packed((0, 0, 0), (SIZE[0], FINE, SIZE[2]), FINE)
     x[:, 1] += 0.2

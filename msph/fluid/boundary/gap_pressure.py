@@ -63,12 +63,12 @@ INTEGERS = ti.types.ndarray(dtype=ti.i32, ndim=1)
 @data_oriented
 class GapPressure:
     """Samples of all bodies' faces in their frames, contiguous by body: points [m] and area vectors
-    [m^2]; first: the first sample of a body; inside: numbers of its samples in gaps, from its first
-    sample to `end`; lo, hi [m]: their bounds. By sample: weight (-), 0 outside of gaps; other, the
-    body on the other side (WALL for a wall); means over links outside of gaps, centre [m] and
-    pressure [Pa], and their filled share (-); force [m^2] and torque [m^3] per unit of its
-    pressure, including those of samples without such links. By link:
-    outside (-), its share outside of gaps; spread, S (-)."""
+    [m^2]. By body: first, its first sample; inside[first] to inside[end - 1], indices of those of
+    its samples that are in gaps; lo, hi [m], bounds of these samples. By sample: weight (-), 0
+    outside of gaps; other, the body on the other side (WALL for a wall); means over links outside
+    of gaps, centre [m] and pressure [Pa], and their filled share (-); force [m^2] and torque [m^3]
+    per unit of its pressure, including those of samples without such links. By link: outside (-),
+    its share outside of gaps; spread, S (-)."""
 
     def __init__(self, links: BodyLinks, contact: Contact):
         boundary = contact.boundary
