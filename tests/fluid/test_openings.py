@@ -215,6 +215,22 @@ def test_a_full_pool_slows_the_inflow_with_a_message():
     sim.close()
 
 
+@pytest.mark.parametrize("ball", (None, Ball(np.full(3, 0.2), 0.1)), ids=("water", "ball"))
+def test_a_full_box_stops_the_inflow_with_a_message(ball):
+    """Regression: a tap filled a closed box to twice the density."""
+    opening, bodies = disc(FLOOR, UP, True, 1.0), [ball] if ball else []
+    x = block_of((0.4, 0.32, 0.4), D)
+    x = x[[not ball or np.linalg.norm(c - 0.2) > 0.11 for c in x]]
+    sim = water(SIZE, [spec_of(D)], x, openings=[opening], capacity=4000, bodies=bodies)
+    record(sim, 1.0)
+    pipe = ZONE * D * opening.area
+    space = math.prod(SIZE) + pipe - (4.0 / 3.0 * math.pi * 0.1**3 if ball else 0.0)
+    assert 0.93 * space < sim.particles.count * D**3 <= space
+    assert "the box is full" in (sim.openings.message() or "")
+    assert Ledger(sim).record(GRAVITY).solver_residual_mean < 0.02
+    sim.close()
+
+
 def test_openings_are_added_and_removed_in_a_running_simulation():
     sim = simulate(disc(FLOOR, UP, True, 0.3))
     record(sim, 0.1)

@@ -12,6 +12,9 @@ that the flow is A times the speed.
 
 An outflow with a speed is a pump behind a closed wall: it takes the particles nearest to its
 cross-section at the rate of area times speed, as far as water is near.
+
+Inflows wait while the pool of particles has no room for their next sheet, or a closed box none for
+its volume: their water would otherwise be compressed without limit.
 """
 
 from collections.abc import Sequence
@@ -23,6 +26,7 @@ import taichi as ti
 from msph.fluid.boundary.apertures import Apertures
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.opening import SLACK, ZONE, Opening
+from msph.fluid.boundary.rigid_bodies import volume
 from msph.fluid.constants import MAX_OPENINGS, Constants
 from msph.fluid.impulse_ledger import ImpulseLedger
 from msph.fluid.particles.images import Images
@@ -60,8 +64,9 @@ class Inlet:
 
 @data_oriented
 class Openings:
-    """The openings of a simulation, `all`. waiting: inflows for whose next sheet the pool has no
-    room; waited [s]: time since the reset in which any inflow waited."""
+    """The openings of a simulation, `all`. waiting: inflows for whose next sheet there is no
+    room; waited [s]: time since the reset in which any inflow waited; lack: why the last one did;
+    space [m^3]: of a closed box and the pipes behind its walls, infinite with a way out."""
 
     def __init__(
         self,
@@ -80,7 +85,8 @@ class Openings:
         self.inlets: dict[int, Inlet] = {}
         self.within: set[int] = set()  # openings that lie on no wall
         self.waiting: set[int] = set()
-        self.waited = 0.0
+        self.waited, self.lack = 0.0, ""
+        self.space, self.walls = np.inf, np.zeros(3)
         self.pumps: dict[int, tuple[Opening, LayerSpec]] = {}
         self.owed = np.zeros(MAX_OPENINGS)  # particles that pumps have yet to take
         # Prescribed speeds [m/s] at the end of the step, and means over the step.
@@ -90,8 +96,7 @@ class Openings:
         """Returns a message if inflows have waited since the reset, else None."""
         if self.waited == 0.0:
             return None
-        held = f"the pool of {self.particles.capacity:,} particles is full"
-        return f"{held}: inflows have waited for {self.waited:.2g} s"
+        return f"{self.lack} is full: inflows have waited for {self.waited:.2g} s"
 
     @property
     def top_speed(self) -> float:
@@ -119,6 +124,13 @@ class Openings:
         self.constants.opening_count[None] = len(rows)
         self.images.opened = any(row["wall"] for row in rows)
         self.within = {k for k, row in enumerate(rows) if not row["wall"]}
+        pipes = [
+            ZONE * i.spec.spacing * i.opening.area
+            for k, i in self.inlets.items()
+            if k not in self.within
+        ]
+        closed = len(self.inlets) == len(self.all) and self.boundary.container is None
+        self.space, self.walls = float(np.prod(walls)) + sum(pipes) if closed else np.inf, walls
         self.speeds[:], self.means[:] = 0.0, 0.0
         self.waiting.clear()
         if not openings:
@@ -200,7 +212,7 @@ class Openings:
         return [i for i in found.tolist() if i not in taken]
 
     def _add_sheet(self, k: int, inlet: Inlet, gravity: np.ndarray) -> bool:
-        """Adds a sheet; returns False if the pool has no room."""
+        """Adds a sheet; returns False without room for it."""
         opening, spec = inlet.opening, inlet.spec
         advance = inlet.way - inlet.distance - ZONE * spec.spacing
         x = (opening.centre + advance * opening.along + inlet.sites).astype(np.float32)
@@ -209,12 +221,29 @@ class Openings:
             self._find_free(self.particles.count, x, LEAST_GAP * spec.spacing, free)
             x = x[(free == 1) & self.boundary.free(x)]
         if self.particles.count + len(x) > self.particles.capacity:
+            self.lack = f"the pool of {self.particles.capacity:,} particles"
+            return False
+        if self._water() + len(inlet.sites) * spec.volume > self.space - self._solids():
+            self.lack = "the box"
             return False
         inlet.way -= inlet.distance
         v = np.tile(self.speeds[k] * opening.along, (len(x), 1)).astype(np.float32)
         self.particles.extend(x, v, opening.layer, 1 + k)
         self.impulses.add_inflow(spec.mass, x, v, gravity)
         return True
+
+    def _water(self) -> float:
+        """Returns the volume [m^3] of all particles."""
+        volumes = np.array([s.volume for s in self.layers.specs])
+        return float(volumes[self.particles.numpy("layer")].sum())
+
+    def _solids(self) -> float:
+        """Returns the volume [m^3] of the bodies that are in the box as a whole."""
+        if not self.boundary.bodies:
+            return 0.0
+        x = self.boundary.corners_at_end()
+        inside = ((x >= 0.0) & (x <= self.walls)).all(axis=(1, 2))
+        return sum(volume(b) for b, i in zip(self.boundary.bodies, inside, strict=True) if i)
 
     def state(self) -> np.ndarray:
         """Returns the ways [m] of the last sheets of inflows, and what pumps owe, for
