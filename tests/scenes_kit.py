@@ -35,6 +35,19 @@ lo = [0, 0.1008, 0]
 hi = [0.4, 0.18, 0.4]
 """
 
+# Water in the lower half of a cube of 1 m, with two layers.
+CUBE = """
+[box]
+size = [1.0, 1.0, 1.0]
+[[layers]]
+mass = 0.3
+[[layers]]
+spacing = 0.1
+[[water]]
+lo = [0, 0, 0]
+hi = [1, 0.5, 1]
+"""
+
 # Water of the coarser layer only, to replace the water of both layers.
 WATER = """
 [[water]]

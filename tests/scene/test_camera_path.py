@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from msph.scene import SceneError, load_scene
+from msph.scene import load_scene
 from msph.scene.camera_path import orbit_at
 
 KEYS = (
@@ -27,16 +27,3 @@ def test_without_a_path_the_camera_stays():
     camera = load_scene("drop").camera
     given = camera.azimuth, camera.elevation, camera.zoom, CENTRE
     assert orbit_at(camera, 5.0, CENTRE) == given
-
-
-@pytest.mark.parametrize(
-    ("path", "problem"),
-    [
-        ("[{time=1.0}]", r"camera\.path: needs two key frames"),
-        ("[{time=1.0}, {time=1.0}]", r"camera\.path\.1\.time: must be later than 1 s"),
-        ("[{azimuth=3.0}, {time=1.0}]", r"camera\.path\.0\.time: is required"),
-    ],
-)
-def test_bad_paths_are_refused(path, problem):
-    with pytest.raises(SceneError, match=problem):
-        load_scene("drop", (f"camera.path={path}",))

@@ -42,14 +42,6 @@ def test_fast_bodies_are_reported_or_refused(tmp_path):
             scene(tmp_path, BALL + motion + "}]")
 
 
-@pytest.mark.parametrize(
-    "key", ["projection.longest_step=1e-9", "projection.velocity_iterations=1000000000"]
-)
-def test_settings_beyond_their_limits_are_refused(tmp_path, key):
-    with pytest.raises(SceneError, match=key.partition("=")[0]):
-        scene(tmp_path, key)
-
-
 def test_stiff_classic_water_is_reported(tmp_path):
     text = ("method=classic", "classic.stiffness=1e6")
     assert effort(scene(tmp_path, *text))[0].startswith("classic.stiffness")
