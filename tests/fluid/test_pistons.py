@@ -1,4 +1,4 @@
-"""Pistons (moving walls of the box): pressure at rest, momentum and energy, checkpoints."""
+"""Pistons (moving walls of the box): pressure at rest, momentum and energy."""
 
 import math
 
@@ -94,22 +94,3 @@ def test_a_removed_piston_has_no_effect_and_its_impulse_stays_in_the_ledger(sim)
     fresh = ledger_of(sim)
     run(sim, fresh, 3)
     assert fresh.entries[-1].body_impulse == pytest.approx(np.zeros(3))
-
-
-def test_a_checkpoint_holds_the_piston(sim):
-    ledger = ledger_of(sim)
-    sim.add_piston(Stroke(LOW))
-    run(sim, ledger, 6, 0.5)
-    sim.piston.steer(sim.time, -0.2, 3 * FRAME)
-    run(sim, ledger, 1)
-    state = sim.state()
-    run(sim, ledger, 4)
-    ahead = sim.state()
-    sim.reset()
-    assert sim.piston is None
-    sim.restore(state)
-    run(sim, ledger, 4)
-    for name, values in sim.state().items():
-        assert np.array_equal(values, ahead[name]), name
-    with pytest.raises(ValueError, match="moving wall"):
-        sim.restore({**state, "piston": np.array([2.0, 0, 0, 0, 0, 0])})

@@ -13,7 +13,6 @@ from msph.fluid.boundary.signed_distance import signed_distance
 from msph.fluid.boundary.volume_map import kernel_share
 from msph.fluid.boundary.wall_integrals import ball_share, block_share, wall_support
 from msph.fluid.external_forces import ExternalForces
-from msph.fluid.simulation import NoWaterError
 from msph.measure.ledger import Ledger
 from tests.boundary_kit import boundary_of
 from tests.fluid.fluid_kit import block_of, record, simulate, spec_of
@@ -300,24 +299,6 @@ def test_violent_water_stays_in_its_container_and_leaks_are_counted(shaken):
     assert ledger.record((0.0, -9.81, 0.0)).outside == 2
 
 
-def test_poses_of_bodies_follow_the_time_after_reset_and_restore(shaken):
-    shaken.reset()
-    for _ in range(3):
-        shaken.advance(1 / 30, ExternalForces())
-    state = shaken.state()
-
-    def place():
-        return shaken.boundary.centre[1, 1].to_numpy()
-
-    start = np.array((0.4, 0.4, 0.5))
-    expected = (0.5 - 0.5 * np.cos(2.0 * np.pi * 0.1 / 0.4)) * np.array((0.2, 0.1, 0.0))
-    assert place() == pytest.approx(start + expected, abs=1e-5)
-    shaken.reset()
-    assert place() == pytest.approx(start, abs=1e-6)
-    shaken.restore(state)
-    assert place() == pytest.approx(start + expected, abs=1e-5)
-
-
 def test_piston_lifts_the_water_it_displaces_and_its_work_balances():
     """A block over the whole cross-section pushes water along x at 0.25 m/s: the water has the
     level and momentum that volumes give, and the work covers the gain of potential energy."""
@@ -340,9 +321,3 @@ def test_piston_lifts_the_water_it_displaces_and_its_work_balances():
     settled = ledger.entries[6:]
     assert last.work - settled[0].work > 0.9 * (last.potential - settled[0].potential) > 30.0
     assert np.diff([e.energy for e in settled]).max() < 1e-3 * first.energy
-
-
-def test_bodies_that_cover_all_water_are_an_error():
-    everything = Block(np.array((0.0, 0.0, 0.0)), np.array((1.0, 1.0, 1.0)))
-    with pytest.raises(NoWaterError, match="64 particles"):
-        simulate(SIZE, [FINE], water((0.2, 0.2, 0.2), (0.4, 0.4, 0.4)), bodies=[everything])

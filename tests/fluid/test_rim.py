@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-import taichi as ti
 
 from msph.fluid.boundary.rim import AllSpiltError
 from msph.fluid.classic_parameters import ClassicParameters
@@ -16,7 +15,6 @@ from msph.fluid.simulation import Simulation
 from msph.measure.ledger import Ledger
 from msph.scene import load_scene
 from msph.scene.build import build_simulation
-from msph.taichi_internals import on_cpu
 from tests.fluid.fluid_kit import FRAME, block_of, images_of, neighbours_of, parts, place, record
 
 SIZE, SPACING = (0.4, 0.3, 0.4), 0.04
@@ -105,28 +103,6 @@ def test_momentum_leaves_with_the_water(simulate):
         assert np.linalg.norm(balance) < 1e-3 * np.linalg.norm(gravity)
         spilt += np.linalg.norm(left) > 0.0
     assert spilt > 3
-
-
-def test_a_resumed_run_keeps_the_spilt_mass(simulate):
-    sim = simulate(plan(0.24))
-    run(sim, 16)
-    state = sim.state()
-    assert sim.rim.mass > 0.0
-    run(sim, 8)
-    whole = sim.state()
-    assert whole["spilt"] > state["spilt"]
-    sim.reset()
-    assert sim.rim.mass == 0.0
-    sim.restore(state)
-    assert sim.rim.mass == state["spilt"]
-    run(sim, 8)
-    assert sim.rim.mass == pytest.approx(float(whole["spilt"]), rel=0.05)
-    if on_cpu() and ti.cfg.cpu_max_num_threads == 1:
-        assert {k: v.tobytes() for k, v in sim.state().items()} == {
-            k: v.tobytes() for k, v in whole.items()
-        }
-    with pytest.raises(ValueError, match="spilt"):
-        sim.restore({**state, "spilt": np.float64(-1.0)})
 
 
 def test_neighbours_above_the_rim_are_complete_and_mutual(simulate):
