@@ -103,15 +103,6 @@ def test_an_unexpected_error_gives_one_line_and_a_report(tmp_path, monkeypatch):
     assert str(report) in result.stderr and "Traceback" in report.read_text()
 
 
-def test_an_empty_file_is_no_checkpoint(tmp_path):
-    """An empty file is refused as a checkpoint. Regression: it was reported as an interrupt."""
-    empty = tmp_path / "empty.npz"
-    empty.touch()
-    check_refusal(
-        here("measure", write(tmp_path), "--resume", empty), "empty.npz: is not a checkpoint"
-    )
-
-
 def check_refusal(result, message):
     assert result.returncode == 2
     assert len(result.stderr.strip().splitlines()) == 1

@@ -7,7 +7,6 @@ import math
 import os
 import subprocess
 import sys
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -35,7 +34,6 @@ from msph.taichi_internals import (
     SWITCH,
     _in_class_body,
     _source_lines,
-    missing,
 )
 
 SIZE = 8
@@ -280,13 +278,6 @@ def test_source_of_a_function_is_that_of_inspect(name) -> None:
 
 def test_methods_differ_from_functions() -> None:
     assert Layouts.inside and not _in_class_body(2)
-
-
-def test_missing_interface_is_named() -> None:
-    core = SimpleNamespace(Program=SimpleNamespace(config=None))
-    assert missing(core, ["Program.config", "Kernel"]) == "Kernel"
-    assert missing(core, ["Program.launch", "Kernel"]) == "Program.launch"
-    assert missing(core, ["Program.config"]) is None
 
 
 # Launches a kernel after removing the interfaces of Taichi that are named as arguments.

@@ -6,7 +6,6 @@ import pytest
 from bench import pareto, pareto_figures, pareto_report, pareto_rows, tanks
 from bench.cases import CASES, thesis_pool, vortex
 from bench.cases.case import ADAPTIVE, DFSPH, UNIFORM, UNSHEARED, Setting
-from bench.cases.dam_break import reference
 from bench.tables import BETWEEN
 
 
@@ -55,13 +54,6 @@ def test_settings_change_the_shipped_pool():
     scene = thesis_pool.pool(Setting(water="adaptive", smoothing=2.0, **given))
     assert {layer.smoothing for layer in scene.layers} == {2.0}
     assert {k: getattr(scene.projection, k) for k in given} == given
-
-
-@pytest.mark.parametrize("name", ["front", "height"])
-def test_reference_tables_are_monotonic(name):
-    times, places = reference(name)
-    assert np.all(np.diff(times) > 0.0)
-    assert np.all(np.diff(places) > 0.0) or np.all(np.diff(places) < 0.0)
 
 
 @pytest.mark.parametrize("case", CASES.values(), ids=lambda case: case.name)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from bench.held_bodies import sphere
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
 from msph.fluid.external_forces import ExternalForces
 from msph.measure.ledger import Ledger
@@ -52,13 +53,6 @@ def read(waters, points):
     return np.mean([water.pressures(points) for water in waters[::6]], axis=0)
 
 
-def sphere(n=40):
-    """Returns evenly spread directions (n, 3), by the golden section."""
-    y = 1.0 - 2.0 * (np.arange(n) + 0.5) / n
-    turn, ring = np.pi * (3.0 - 5.0**0.5) * np.arange(n), np.sqrt(1.0 - y**2)
-    return np.column_stack([ring * np.cos(turn), y, ring * np.sin(turn)])
-
-
 def face():
     heights = np.linspace(0.06, 0.26, 5)
     return np.column_stack([np.full(5, PILLAR[1, 0]), heights, np.full(5, 0.24)])
@@ -71,7 +65,7 @@ def test_pressure_on_bodies_is_hydrostatic(rest):
     Regression: pressures were 1.86 times the hydrostatic pressure on a block, 1.5 times on a ball.
     """
     waters, _, level = rest
-    for points in (face(), BALL + RADIUS * sphere(), MESH + RADIUS * sphere()):
+    for points in (face(), BALL + RADIUS * sphere(40), MESH + RADIUS * sphere(40)):
         off = read(waters, points) / (9810.0 * (level - points[:, 1])) - 1.0
         assert np.sqrt(np.mean(off**2)) < 0.06
         assert abs(off.mean()) < 0.05

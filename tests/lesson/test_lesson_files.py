@@ -8,10 +8,9 @@ import pytest
 from msph.expressions import ExpressionError, check, value
 from msph.lesson.course import LessonProgress
 from msph.lesson.load import load_lesson
-from msph.lesson.student import Student
 from msph.scene.errors import SceneError
 from msph.scene.library import assets
-from tests.lesson.lesson_kit import LESSONS, TINY, ticks_without_input, written
+from tests.lesson.lesson_kit import LESSONS, TINY, written
 
 # Invalid lessons: text to replace in TINY, replacement, and error message.
 BAD = {
@@ -69,15 +68,6 @@ def test_an_invalid_lesson_gives_one_line(kind, tmp_path):
     with pytest.raises(SceneError, match=problem) as error:
         load_lesson(written(tmp_path / "mine", TINY.replace(old, new)))
     assert "\n" not in str(error.value) and str(error.value).startswith("mine/lesson.toml")
-
-
-def test_a_lesson_of_thirty_lines_works(tmp_path):
-    assert len(TINY.strip().splitlines()) < 30
-    course = load_lesson(written(tmp_path / "mine", TINY))
-    progress = LessonProgress(course, None)
-    student = Student(progress, None)
-    student.answer()
-    assert not ticks_without_input(progress, None) and student.work()
 
 
 def test_sliders_stay_within_the_limits_of_their_parameter(tmp_path):

@@ -34,6 +34,13 @@ def test_a_header_that_claims_more_than_the_file_holds_is_refused(tmp_path, shap
         read_state(tmp_path / "a.npz")
 
 
+def test_an_empty_file_is_refused(tmp_path):
+    """Regression: it was reported as an interrupt."""
+    (tmp_path / "a.npz").touch()
+    with pytest.raises(CheckpointError, match=r"a\.npz: is not a checkpoint"):
+        time_of(tmp_path / "a.npz")
+
+
 @pytest.mark.parametrize("time", [np.inf, np.nan, -1.0, 1e300, 1j, [0.0, 1.0], "soon"])
 def test_impossible_times_are_refused(tmp_path, time):
     np.savez(tmp_path / "a.npz", time=np.array(time), x=np.zeros((2, 3)))

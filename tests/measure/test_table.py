@@ -47,11 +47,6 @@ def test_a_columns_name_ends_in_its_unit(head, name):
     assert column(head) == name
 
 
-def test_ledger_columns_are_unique_identifiers():
-    names = [column(head) for head in entry.columns()]
-    assert all(name.isidentifier() for name in names) and len(set(names)) == len(names)
-
-
 HEADS = ["time [s]", "P1 [Pa]"]
 
 

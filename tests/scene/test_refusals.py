@@ -57,7 +57,7 @@ OF_CUBE = {
         "projection.spray=1": "projection.spray: input should be less than or equal to 0.95",
         "projection.longest_step=1e-9": "projection.longest_step: ",
         "projection.velocity_iterations=1000000000": "projection.velocity_iterations: ",
-        "projection.slip=false": "projection.slip: ",
+        "projection.slip=false": "projection.slip: only viscous water can stick to walls",
         "surface.cell=2": "surface.cell: is too coarse for surface.smoothing = 1.6; at most 1.96",
         "duration": "--set: duration: expects key=value",
         "gravity=[0, -9.81": "--set: gravity: is not a TOML value: '[0, -9.81'",
