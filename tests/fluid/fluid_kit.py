@@ -6,7 +6,6 @@ import math
 import numpy as np
 import taichi as ti
 
-from msph.fluid.adaptivity.bands import AdaptationParameters
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.neighbour_list import PAIR_REACH
@@ -186,6 +185,11 @@ def sum_of_entries(sim, kind):
     return np.array([gradient[a:b].sum(axis=0) for a, b in zip(*spans(sim, kind), strict=True)])
 
 
+def poly6(r, h):
+    """Returns the kernel of eq. 29 [1/m^3]."""
+    return 315.0 / (64.0 * np.pi * h**3) * np.clip(1.0 - (r / h) ** 2, 0.0, None) ** 3
+
+
 def quartic(r, h):
     """Returns W [1/m^3] of the quartic B-spline at distances r [m] for support radii h [m]."""
     q = r / h
@@ -200,21 +204,6 @@ def quartic_slope(r, h):
     terms = [(1, 1), (-5, 0.6), (10, 0.2)]
     w = sum(-4 * k * np.clip(end - q, 0, None) ** 3 for k, end in terms)
     return 15625 / (512 * np.pi * h**4) * w
-
-
-TANK, DEPTH = (0.6, 0.6, 0.6), 0.36  # tank of coarse_tank() and its depth [m]
-
-
-def coarse_tank(capacity):
-    """Returns a tank of coarse particles in three layers, which depth will split."""
-    coarse = 0.03 * 2 ** (2 / 3)
-    n, rows = round(TANK[0] / coarse), round(DEPTH / coarse)
-    width = TANK[0] / n
-    x = lattice((n, rows, n), 1.0) * [width, DEPTH / rows, width]
-    mass = 1000.0 * DEPTH * TANK[0] * TANK[2] / len(x)
-    specs = [LayerSpec(mass / 2**k, 1000.0, 2.5) for k in (2, 1, 0)]
-    adaptation = AdaptationParameters(band=1.5)
-    return simulate(TANK, specs, x, 2, adaptation=adaptation, capacity=capacity)
 
 
 def repulsion(q):

@@ -1,21 +1,27 @@
-"""Splits and merges by depth: conservation, bands, capacity, water at rest."""
+"""Splits and merges by depth: conservation, bands, capacity, water at rest, rounded spacings, and
+deep water."""
 
 import numpy as np
 import pytest
 
-from msph.fluid.adaptivity.bands import AdaptationParameters, bands, coarser_of, farthest_depth
+from msph.fluid.adaptivity.bands import (
+    AdaptationParameters,
+    bands,
+    coarser_of,
+    farthest_depth,
+    with_exact_ratios,
+)
 from msph.fluid.particles.layers import LayerSpec
 from tests.fluid.fluid_kit import (
-    DEPTH,
-    TANK,
     WEIGHTLESS,
     advance,
     ball,
-    coarse_tank,
     energies,
+    lattice,
     masses,
     momenta,
     simulate,
+    spec_of,
     vectors,
 )
 
@@ -23,6 +29,19 @@ SIZE = (2.4, 2.4, 2.4)
 MIDDLE = 1.2
 D = 0.03
 SPECS = [LayerSpec(1000.0 * D**3 * 2**k, 1000.0, 2.5) for k in range(3)]
+TANK, DEPTH = (0.6, 0.6, 0.6), 0.36  # tank of coarse_tank() and its depth [m]
+
+
+def coarse_tank(capacity):
+    """Returns a tank of coarse particles in three layers, which depth will split."""
+    coarse = 0.03 * 2 ** (2 / 3)
+    n, rows = round(TANK[0] / coarse), round(DEPTH / coarse)
+    width = TANK[0] / n
+    x = lattice((n, rows, n), 1.0) * [width, DEPTH / rows, width]
+    mass = 1000.0 * DEPTH * TANK[0] * TANK[2] / len(x)
+    specs = [LayerSpec(mass / 2**k, 1000.0, 2.5) for k in (2, 1, 0)]
+    adaptation = AdaptationParameters(band=1.5)
+    return simulate(TANK, specs, x, 2, adaptation=adaptation, capacity=capacity)
 
 
 @pytest.fixture
@@ -163,3 +182,46 @@ def test_a_split_does_not_lower_the_water(tank):
     sim.solver.particles_moved()
     after = [height() for _ in range(10)]
     assert np.abs(np.array(after) - before[-1]).max() < 2e-5 * DEPTH
+
+
+def rested(capacity):
+    """Returns the tank with room for `capacity` particles after 0.5 s, its number of particles, and
+    their masses [kg]."""
+    sim = coarse_tank(capacity)
+    advance(sim, 30)
+    return sim, sim.particles.count, masses(sim)
+
+
+def test_a_full_pool_coarsens_and_keeps_its_mass():
+    sim, wanted, finer = rested(4000)
+    sim.close()
+    small, count, coarser = rested(int(0.7 * wanted))
+    assert count <= small.particles.capacity
+    assert small.solver.adaptation.thickness < 1.0
+    assert coarser.sum() == pytest.approx(finer.sum(), rel=1e-12)
+    # Fine particles still lie at the surface.
+    y, layer = small.particles.numpy("x")[:, 1], small.particles.numpy("layer")
+    assert y[layer == 0].mean() > y[layer == 2].mean() + 0.1
+
+
+def test_merges_double_masses_of_rounded_spacings_exactly():
+    specs = [spec_of(d, 2.5) for d in (0.050797, 0.032, 0.040317, 0.1)]
+    exact = [s.mass for s in with_exact_ratios(specs)]
+    assert exact[2] == 2.0 * exact[1] and exact[0] == 2.0 * exact[2]
+    assert exact[1] == specs[1].mass and exact[3] == specs[3].mass
+
+
+def test_deep_water_of_halved_cubes_starts_at_rest_density():
+    """Water 60 fine spacings deep, split from coarse cubes, starts below 1001 kg/m^3 everywhere.
+
+    Regression: 100 rounds left some of the water too dense, which lifted it and raised its energy.
+    """
+    fine = 0.02
+    specs = [LayerSpec(1000.0 * fine**3 * 2**k, 1000.0, 2.45) for k in range(3)]
+    cells = np.array([5, 38, 5])
+    size = cells * specs[2].spacing
+    x, box = lattice(cells, specs[2].spacing), (size[0], size[1] + 0.3, size[2])
+    adaptation = AdaptationParameters(band=20.0, every=10**9)
+    sim = simulate(box, specs, x, 2, adaptation=adaptation, capacity=4 * len(x))
+    assert sim.counts()[0] > 2 * len(x)
+    assert sim.particles.numpy("density").max() < 1001.0

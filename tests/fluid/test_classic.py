@@ -8,7 +8,7 @@ import pytest
 from msph.fluid.classic_parameters import ClassicParameters
 from msph.fluid.external_forces import ExternalForces, Hand
 from msph.fluid.particles.layers import LayerSpec
-from tests.fluid.fluid_kit import advance, ball, lattice, masses, simulate
+from tests.fluid.fluid_kit import advance, ball, lattice, masses, poly6, simulate
 
 SIZE = (0.8, 0.8, 0.8)
 MASSES = (0.05, 0.2)
@@ -25,10 +25,6 @@ def cloud(seed=1, per_layer=150):
     n = 2 * per_layer
     x, v = rng.uniform(0.2, 0.55, (n, 3)), rng.normal(0.0, 1.0, (n, 3))
     return {"x": x, "v": v, "layer": np.repeat([0, 1], per_layer)}
-
-
-def poly6(r, h):
-    return 315 / (64 * np.pi * h**9) * np.clip(h**2 - r**2, 0, None) ** 3
 
 
 def spiky_slope(r, h):

@@ -1,7 +1,5 @@
 """Open boxes: water above the rim leaves over the side walls and is recorded."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -9,48 +7,42 @@ from msph.fluid.boundary.rim import AllSpiltError
 from msph.fluid.classic_parameters import ClassicParameters
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
-from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.simulation import Simulation
 from msph.measure.ledger import Ledger
 from msph.scene import load_scene
 from msph.scene.build import build_simulation
-from tests.fluid.fluid_kit import FRAME, block_of, images_of, neighbours_of, parts, place, record
+from tests.fluid.fluid_kit import (
+    FRAME,
+    block_of,
+    images_of,
+    neighbours_of,
+    parts,
+    place,
+    record,
+    simulate,
+)
 
 SIZE, SPACING = (0.4, 0.3, 0.4), 0.04
 # Gravity in a box tilted by 40 degrees.
 TILTED = ExternalForces((6.3, -7.5, 0.0))
 
 
-def plan(height: float, method=ProjectionParameters, **initial) -> Plan:
-    """Returns the plan of an open box with water of `height` [m]."""
-    x = block_of((0.4, height, 0.4), SPACING).astype(np.float32)
-    start = {"x": x, "v": np.zeros_like(x), "layer": np.zeros(len(x), np.int32), **initial}
+def tank(height: float, method=ProjectionParameters, v=None, x=None) -> Simulation:
+    """Returns an open box with water of `height` [m], or with particles at x (n, 3) [m]."""
     smoothing = 2.45 if method is ProjectionParameters else 1.6
     layers = [LayerSpec(1000.0 * SPACING**3, 1000.0, smoothing, viscosity=5.0)]
-    return Plan(SIZE, layers, start, method(), open_top=True)
+    x = block_of((0.4, height, 0.4), SPACING) if x is None else x
+    return simulate(SIZE, layers, x, v=v, terms=method(), open_top=True)
 
 
 def run(sim: Simulation, frames: int, gravity=TILTED.gravity) -> Ledger:
     return record(sim, frames * FRAME, gravity)
 
 
-@pytest.fixture
-def simulate():
-    made = []
-
-    def simulate(plan: Plan) -> Simulation:
-        made.append(Simulation(plan))
-        return made[-1]
-
-    yield simulate
-    for sim in made:
-        sim.close()
-
-
 @pytest.mark.parametrize("method", [ProjectionParameters, ClassicParameters])
-def test_a_tilted_box_spills_and_loses_no_mass(simulate, method):
-    sim = simulate(plan(0.24, method=method))
+def test_a_tilted_box_spills_and_loses_no_mass(method):
+    sim = tank(0.24, method)
     ledger = run(sim, 30)
     first, last = ledger.entries[0], ledger.entries[-1]
     assert last.spilt > 0.1 * first.mass
@@ -68,12 +60,12 @@ def test_a_tilted_box_spills_and_loses_no_mass(simulate, method):
         assert last.energy < first.energy
 
 
-def test_water_rises_above_the_rim_and_falls_back(simulate):
+def test_water_rises_above_the_rim_and_falls_back():
     x = block_of((0.4, 0.16, 0.4), SPACING)
     v = np.zeros_like(x, dtype=np.float32)
     # Only water in the middle, away from the walls, moves upwards.
     v[np.all(np.abs(x[:, [0, 2]] - 0.2) < 0.1, axis=1), 1] = 3.0
-    sim = simulate(plan(0.16, v=v))
+    sim = tank(0.16, v=v)
     tops = []
     for _ in range(100):
         sim.advance(FRAME, ExternalForces())
@@ -84,10 +76,10 @@ def test_water_rises_above_the_rim_and_falls_back(simulate):
     assert sim.rim.mass < 0.2 * len(v) * 1000.0 * SPACING**3
 
 
-def test_momentum_leaves_with_the_water(simulate):
+def test_momentum_leaves_with_the_water():
     """The momentum changes per step by the impulses of gravity, walls and pair forces less the
     spilt momentum. All but gravity, which acts on the water in the box, are recorded."""
-    sim = simulate(plan(0.24))
+    sim = tank(0.24)
     ledger = run(sim, 10)
     spilt = 0
     for _ in range(120):
@@ -105,14 +97,13 @@ def test_momentum_leaves_with_the_water(simulate):
     assert spilt > 3
 
 
-def test_neighbours_above_the_rim_are_complete_and_mutual(simulate):
+def test_neighbours_above_the_rim_are_complete_and_mutual():
     """Neighbours are complete also for particles above the grid; images are mutual, and particles
     above the rim have none."""
     rng = np.random.default_rng(3)
     x = rng.uniform((0.0, 0.2, 0.0), (0.4, 0.7, 0.4), (400, 3)).astype(np.float32)
-    layer, v = np.zeros(len(x), np.int32), np.zeros_like(x)
-    sim = simulate(dataclasses.replace(plan(0.2), initial={"x": x, "v": v, "layer": layer}))
-    place(sim, x=x, v=v)
+    sim = tank(0.2, x=x)
+    place(sim, x=x, v=np.zeros_like(x))
     x = sim.particles.numpy("x")
     reach = parts(sim).neighbours.reaches[0, 0]
     distance = np.linalg.norm(x[:, None] - x[None], axis=2)
@@ -140,16 +131,16 @@ def test_water_spills_from_adaptive_layers():
     sim.close()
 
 
-def test_water_that_never_returns_is_spilt(simulate):
+def test_water_that_never_returns_is_spilt():
     """Under upward gravity all particles are spilt, and AllSpiltError ends the run."""
-    sim = simulate(plan(0.08))
+    sim = tank(0.08)
     with pytest.raises(AllSpiltError):
         run(sim, 90, (0.0, 20.0, 0.0))
     assert sim.rim.mass == pytest.approx(len(sim.initial["x"]) * 1000.0 * SPACING**3)
 
 
-def test_drops_fall_to_the_ground_and_vanish(simulate):
-    sim = simulate(plan(0.24))
+def test_drops_fall_to_the_ground_and_vanish():
+    sim = tank(0.24)
     run(sim, 20)
     live = sim.rim.drops.life.to_numpy() > 0.0
     assert live.sum() > 10

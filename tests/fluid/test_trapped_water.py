@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from msph.fluid.boundary.opening import Opening, Valve
-from msph.fluid.external_forces import ExternalForces
 from msph.fluid.trapped_water import TrappedWaterError
 from msph.measure.ledger import Ledger
 from msph.scene import build_simulation, load_scene
@@ -14,6 +13,7 @@ from msph.stage.headless import Headless
 from msph.stage.loop import run
 from msph.stage.row import Row
 from msph.stage.show import Show
+from tests.fluid.fluid_kit import GRAVITY, WEIGHTLESS, advance
 
 # A piston as wide as the box, above a ball at rest in the water.
 PISTON = """
@@ -42,11 +42,6 @@ def load(folder, *changes):
     path = folder / "piston.toml"
     path.write_text(PISTON)
     return load_scene(str(path), changes)
-
-
-def advance(simulation, frames):
-    for _ in range(frames):
-        simulation.advance(1 / 60, ExternalForces((0.0, -9.81, 0.0)))
 
 
 def test_piston_without_a_gap_is_reported_by_name(tmp_path):
@@ -86,22 +81,22 @@ def test_a_frame_that_is_undone_leaves_no_trace_in_the_ledger(tmp_path):
     """Regression: water that had left through outflows, or had entered in the frame, was forgotten
     or counted twice, so that the mass changed by up to 60 %."""
     sim = build_simulation(load(tmp_path, *MOTIONS["slow"]))
-    ledger, gravity = Ledger(sim, density_every=math.inf), (0.0, -9.81, 0.0)
+    ledger = Ledger(sim, density_every=math.inf)
     advance(sim, 3)
     spout = Opening(
         np.array([0.05, 0.0, 0.05]), np.array([0.0, 1.0, 0.0]), (0.03, 0.03), True, Valve(0.5)
     )
-    sim.add_opening(spout, gravity)
-    sim._take_out(np.arange(3, dtype=np.int32), gravity)
+    sim.add_opening(spout, GRAVITY)
+    sim._take_out(np.arange(3, dtype=np.int32), GRAVITY)
     advance(sim, 3)
-    before, mark = ledger.record(gravity), sim.mark()
+    before, mark = ledger.record(GRAVITY), sim.mark()
     advance(sim, 6)
-    sim._take_out(np.arange(2, dtype=np.int32), gravity)
-    after = ledger.record(gravity)
+    sim._take_out(np.arange(2, dtype=np.int32), GRAVITY)
+    after = ledger.record(GRAVITY)
     assert before.inflow_mass > 0.0 and after.outflow_mass > before.outflow_mass > 0.0
     assert not np.array_equal(after.body_impulse, before.body_impulse)
     sim.undo(mark)
-    again = ledger.record(gravity)
+    again = ledger.record(GRAVITY)
     for name, value in vars(before).items():
         assert np.allclose(getattr(again, name), value, rtol=1e-6, atol=1e-9, equal_nan=True), name
 
@@ -128,6 +123,5 @@ def test_a_body_at_rest_without_gravity_traps_no_water(tmp_path):
     still = ("gravity=[0, 0, 0]", "bodies.1.angle=30")
     place = ("bodies.1.lo=[0.08, 0.1, 0.08]", "bodies.1.hi=[0.16, 0.16, 0.16]")
     sim = build_simulation(load(tmp_path, *still, *place))
-    for _ in range(2):
-        sim.advance(1 / 60, ExternalForces((0.0, 0.0, 0.0)))
+    advance(sim, 2, WEIGHTLESS)
     assert np.isfinite(sim.particles.numpy("x")).all()

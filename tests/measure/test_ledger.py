@@ -18,7 +18,7 @@ from msph.measure.table import column
 from msph.scene import load_scene
 from msph.scene.build import build_simulation
 from msph.scene.schema import Scene
-from tests.fluid.fluid_kit import advance, lattice, simulate, spec_of, vectors
+from tests.fluid.fluid_kit import advance, lattice, poly6, simulate, spec_of, vectors
 
 G = (0.0, -9.81, 0.0)
 SIZE = (1.0, 1.0, 1.0)
@@ -218,11 +218,6 @@ def test_particles_that_are_not_finite_raise_an_error(world):
     sim.particles.fill(**state)
     with pytest.raises(NotFiniteError, match="2 of 60 particles are not finite.* of layer .*nan"):
         ledger.record(G)
-
-
-def poly6(r, h):
-    """Returns the kernel of eq. 29 [1/m^3]."""
-    return 315.0 / (64.0 * np.pi * h**3) * np.clip(1.0 - (r / h) ** 2, 0.0, None) ** 3
 
 
 def test_density_errors_refer_to_the_positions_at_the_end_of_a_frame(world):

@@ -12,11 +12,6 @@ from msph.scene.quality import LADDER, Quality, at_quality, costs
 from msph.scene.water import layer_specs, specified_mass
 
 
-@pytest.fixture(scope="module")
-def dam_break():
-    return load_scene("dam_break")
-
-
 def asked(scene):
     return specified_mass(scene, layer_specs(scene))
 
@@ -31,8 +26,11 @@ def test_each_quality_halves_the_particle_volume_and_keeps_the_mass(name):
     assert masses == pytest.approx([asked(scene)] * len(LADDER))
 
 
-def test_large_quality_is_the_unchanged_scene(dam_break):
-    assert at_quality(dam_break, AS_GIVEN, "dam_break") is dam_break
+def test_large_quality_is_the_unchanged_scene_with_the_default_solver_settings():
+    scene = load_scene("dam_break")
+    assert at_quality(scene, AS_GIVEN, "dam_break") is scene
+    own = scene.projection
+    assert LADDER[AS_GIVEN] == Quality(1.0, own.motion_tolerance, own.cfl)
 
 
 @pytest.mark.parametrize("name", ["motion_tolerance", "cfl"])
@@ -43,22 +41,13 @@ def test_solver_settings_given_by_the_scene_are_kept(name):
     assert getattr(own.projection, name) == getattr(LADDER["small"], name)
 
 
-def test_large_quality_has_the_default_solver_settings():
-    own = load_scene("dam_break").projection
-    assert LADDER[AS_GIVEN] == Quality(1.0, own.motion_tolerance, own.cfl)
-
-
-@pytest.mark.parametrize("variant", ["system-1", "system-3"])
-def test_scenes_with_given_particle_numbers_have_one_quality(variant):
-    scene = load_scene("pool", (f"variant={variant}",))
+@pytest.mark.parametrize(
+    "changes",
+    [("variant=system-1",), ("variant=system-3",), ("variant=system-1", "method=classic")],
+)
+def test_scenes_with_given_particle_numbers_and_classic_water_have_one_quality(changes):
     with pytest.raises(SceneError, match="pool: --quality: has only the quality large"):
-        at_quality(scene, "small", "pool")
-
-
-def test_classic_water_has_one_quality():
-    scene = load_scene("pool", ("variant=system-1", "method=classic"))
-    with pytest.raises(SceneError, match="only the quality"):
-        at_quality(scene, "finest", "pool")
+        at_quality(load_scene("pool", changes), "small", "pool")
 
 
 def test_finer_qualities_have_more_particles_and_smaller_errors():
