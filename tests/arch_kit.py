@@ -2,18 +2,17 @@
 because a Taichi runtime has one architecture."""
 
 import os
-import subprocess
-import sys
 
 import pytest
+
+from tests.command_kit import python
 
 PROBE = "import taichi as ti; ti.init(arch=ti.{0}); print(ti.lang.impl.current_cfg().arch.name)"
 
 
 def require(arch):
     """Skips the test if there is no driver for `arch`; fails it instead on the build machine."""
-    command = [sys.executable, "-c", PROBE.format(arch)]
-    found = subprocess.run(command, capture_output=True, text=True)
+    found = python("-c", PROBE.format(arch))
     if not found.stdout.strip().endswith(arch):
         assert not os.environ.get("MSPH_REQUIRE_WINDOW"), f"the build machine must have {arch}"
         pytest.skip(f"no {arch} driver")

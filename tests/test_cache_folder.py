@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from msph.cache_folder import TAICHI_FOLDER, ensure
+from tests.command_kit import python
 from tests.tiers import slow_but
 
 NAMES = ("XDG_CACHE_HOME", "HOME", TAICHI_FOLDER)
@@ -48,13 +49,7 @@ def test_a_run_without_a_cache_exits_with_success(tmp_path):
     """
     (tmp_path / "file").write_text("")
     environment = {"XDG_CACHE_HOME": str(tmp_path / "file"), "PATH": "", "HOME": str(Path.home())}
-    run = subprocess.run(
-        [sys.executable, "-c", RUN],
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
+    run = python("-c", RUN, env=environment)
     assert run.returncode == 0 and "Traceback" not in run.stderr
     assert "file/taichi: not a directory: compiled kernels" in run.stderr
 
@@ -79,13 +74,7 @@ def test_a_damaged_cache_is_removed_with_one_line(kind, tmp_path):
     environment = {"XDG_CACHE_HOME": str(cache), "PATH": "", "PYTHONPATH": str(Path.cwd())}
     said = []
     for _ in range(3):
-        run = subprocess.run(
-            [sys.executable, str(script)],
-            env=environment,
-            capture_output=True,
-            text=True,
-            timeout=300,
-        )
+        run = python(script, env=environment)
         assert run.returncode == 0 and run.stdout == "3\n", run.stderr
         said.append(run.stderr.splitlines())
         if len(said) == 1:

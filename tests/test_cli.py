@@ -17,7 +17,7 @@ from msph.ending import unexpected
 from msph.scene import load_scene
 from msph.scene.library import shipped_scenes
 from msph.stage.preparation import mass_text
-from tests.command_kit import here
+from tests.command_kit import here, python
 from tests.scenes_kit import TEXT, write
 from tests.tiers import slow_but
 
@@ -325,8 +325,7 @@ def test_help_needs_no_taichi():
     """The commands import neither Taichi nor other slow libraries: --help takes at most 0.4 s."""
     slow = {"taichi", "numpy", "pydantic", "PIL"}
     script = f"import sys, msph.cli; print(*{slow} & set(sys.modules))"
-    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    assert run.stdout.strip() == ""
+    assert python("-c", script, check=True).stdout.strip() == ""
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a signal")

@@ -5,14 +5,13 @@ MSPH_CONFORMANCE_ARCH names the architecture, by default Vulkan.
 
 import json
 import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 
 from msph.gpu_name import gpu_name
 from tests.arch_kit import require
+from tests.command_kit import python
 from tests.conformance_run import SCENES
 
 ARCH = os.environ.get("MSPH_CONFORMANCE_ARCH", "vulkan")
@@ -26,8 +25,7 @@ def both():
 
 
 def facts(arch):
-    command = [sys.executable, "-m", "tests.conformance_run", arch]
-    done = subprocess.run(command, capture_output=True, text=True)
+    done = python("-m", "tests.conformance_run", arch, timeout=None)
     assert done.returncode == 0, done.stderr[-2000:]
     found = json.loads(done.stdout.splitlines()[-1])
     assert found["arch"] == arch, done.stderr[-2000:]

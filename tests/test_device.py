@@ -1,7 +1,6 @@
 """Tests of the start of Taichi: CPUs of its threads, its kernel cache, choice of architecture."""
 
 import os
-import subprocess
 import sys
 import time
 
@@ -9,6 +8,7 @@ import pytest
 import taichi as ti
 
 from msph import device
+from tests.command_kit import python
 
 # Prints a line for each thread that Taichi started: the CPUs that the thread may use.
 SCRIPT = """
@@ -28,10 +28,9 @@ assert threading.active_count() == 1, "a thread of Taichi's asks for newer versi
 
 
 def cpus_by_thread(threads):
-    command = [sys.executable, "-c", SCRIPT.format(threads=threads)]
     # It compiles nothing, and other tests write and clean the cache of kernels at the same time.
     environment = {**os.environ, "TI_OFFLINE_CACHE": "0"}
-    run = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    run = python("-c", SCRIPT.format(threads=threads), check=True, env=environment)
     return [tuple(map(int, line.split())) for line in run.stdout.splitlines()]
 
 
@@ -96,8 +95,7 @@ def test_compiled_kernels_are_cached_in_the_folder_of_taichis_environment_variab
     (tmp_path / "started.py").write_text(STARTED)
     environment = {**os.environ, "TI_OFFLINE_CACHE_FILE_PATH": str(tmp_path)}
     environment["PYTHONPATH"] = os.getcwd()
-    command = [sys.executable, str(tmp_path / "started.py")]
-    subprocess.run(command, env=environment, check=True, capture_output=True)
+    python(tmp_path / "started.py", env=environment, check=True)
     assert not (tmp_path / device.LOCK).exists()
     assert list(tmp_path.glob("*.tic"))
 

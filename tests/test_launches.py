@@ -5,8 +5,6 @@ import contextlib
 import inspect
 import math
 import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -35,6 +33,7 @@ from msph.taichi_internals import (
     _in_class_body,
     _source_lines,
 )
+from tests.command_kit import python
 
 SIZE = 8
 fast_only = pytest.mark.skipif(PLAIN, reason="kernels are Taichi's own")
@@ -315,13 +314,7 @@ print(PLAIN, kernel is ti.kernel, total.total[None])
 def test_plain_taichi_is_used_by_switch_or_if_needed(tmp_path, switch, lost, plain) -> None:
     script = tmp_path / "sum.py"
     script.write_text(SCRIPT)
-    result = subprocess.run(
-        [sys.executable, script, *lost],
-        env={**os.environ, SWITCH: switch},
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
+    result = python(script, *lost, env={**os.environ, SWITCH: switch})
     assert result.returncode == 0, result.stderr
     assert result.stdout.splitlines()[-1] == f"{plain} {plain} 642.0"
     lacks = "lacks KernelLaunchContext.set_struct_arg_int: launches are slower"

@@ -2,13 +2,13 @@
 
 import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import matplotlib
 import matplotlib.pyplot as plt
 import pytest
+
+from tests.command_kit import python
 
 ROOT = Path(__file__).parent.parent
 NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
@@ -20,8 +20,7 @@ def test_an_import_in_a_notebook_prints_nothing():
     """Regression: Taichi's "Graphical python shell detected" was in red above the first result."""
     code = "import io, sys; sys.stdout = io.StringIO(); import msph; msph.Water"
     clean = {k: v for k, v in os.environ.items() if k != "TI_ENABLE_PYBUF"}
-    run = [sys.executable, "-c", code]
-    found = subprocess.run(run, capture_output=True, text=True, check=True, env=clean)
+    found = python("-c", code, check=True, env=clean)
     assert found.stdout + found.stderr == ""
 
 

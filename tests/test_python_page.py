@@ -3,13 +3,12 @@
 import ast
 import importlib.util
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from msph.water import Water
+from tests.command_kit import python
 from tests.tiers import slow_but
 
 PAGE = (Path(__file__).parent.parent / "docs" / "python.md").read_text(encoding="utf-8")
@@ -43,9 +42,7 @@ def test_code_of_the_page_runs(title, tmp_path, monkeypatch):
         # Dask's process imports the program.
         code = re.sub(r"seconds=\d\.\d", "seconds=0.1", code).replace("workers=2", "workers=1")
         (tmp_path / "batch.py").write_text(code)
-        found = subprocess.run(
-            [sys.executable, "batch.py"], capture_output=True, text=True, timeout=300
-        )
+        found = python("batch.py")
         assert found.returncode == 0, found.stderr
         return
     count = Water._count

@@ -1,7 +1,8 @@
 """Lessons that the tests of lessons share."""
 
+from msph.lesson.course import LessonProgress
 from msph.lesson.load import load_lesson, shipped_lessons
-from msph.lesson.student import FRAME
+from msph.lesson.student import FRAME, Student
 from msph.stage.controls import Controls
 from msph.stage.preparation import prepare_row
 
@@ -14,6 +15,16 @@ def prepared(course, size=None):
     if course.lesson.board:
         return None
     return prepare_row(course.scenes, ["" for _ in course.scenes], size)
+
+
+def answered(course, size=None):
+    """Returns the simulations of a lesson, its progress and a student who has answered."""
+    row = prepared(course, size)
+    progress = LessonProgress(course, row)
+    student = Student(progress, row)
+    assert not progress.go(1), "the question comes first"
+    student.answer()
+    return row, progress, student
 
 
 # Time [s] without input of tasks that need a slider or the camera, which only the user moves.

@@ -9,18 +9,17 @@ import numpy as np
 import pytest
 from codespell_lib import main as codespell
 
-from msph.lesson.course import LessonProgress, readable
+from msph.lesson.course import readable
 from msph.lesson.excerpt import ExcerptError, excerpt
 from msph.lesson.load import load_lesson
 from msph.lesson.physics import amplitude, swing_growth
 from msph.lesson.quantities import QUANTITIES, Numbers
 from msph.lesson.schema import LINES, WORDS
-from msph.lesson.student import Student
 from msph.scene.library import assets
 from msph.scene.load import load_scene
 from msph.stage.controls import Controls
 from msph.stage.show import Show
-from tests.lesson.lesson_kit import BOARDS, LESSONS, prepared, ticks_without_input, written
+from tests.lesson.lesson_kit import BOARDS, LESSONS, answered, ticks_without_input, written
 from tests.tiers import slow_but
 
 # Lessons whose quantities are measured in the rendered image.
@@ -39,11 +38,7 @@ def test_there_are_fifteen_lessons_in_order_physics_first():
 @pytest.mark.parametrize("name", slow_but(("forces", *BOARDS), LESSONS))
 def test_solutions_complete_all_tasks_and_inaction_none(name):
     course = load_lesson(name)
-    row = prepared(course, (320, 180) if name in SEEN else None)
-    progress = LessonProgress(course, row)
-    student = Student(progress, row)
-    assert not progress.go(1), "the question comes first"
-    student.answer()
+    row, progress, student = answered(course, (320, 180) if name in SEEN else None)
     for k, task in enumerate(course.lesson.do):
         by_itself = ticks_without_input(progress, row)
         assert not by_itself, f"task {k + 1} ticks by itself: {progress.shown()}"
@@ -61,10 +56,7 @@ def test_solutions_complete_all_tasks_and_inaction_none(name):
 
 def test_displayed_numbers_equal_the_ledger():
     course = load_lesson("forces")
-    row = prepared(course)
-    progress = LessonProgress(course, row)
-    student = Student(progress, row)
-    student.answer()
+    row, progress, student = answered(course)
     student.work()
     show = row.lead
     entry = show.ledger.entries[-1]
@@ -138,10 +130,7 @@ def test_the_lesson_of_teaching_md_works(tmp_path):
     example = re.search(r"```toml\n(.*?)```", text, re.DOTALL)
     assert example and len([line for line in example[1].splitlines() if line]) < 30
     course = load_lesson(written(tmp_path / "mine", example[1]))
-    row = prepared(course)
-    progress = LessonProgress(course, row)
-    student = Student(progress, row)
-    student.answer()
+    row, progress, student = answered(course)
     assert not ticks_without_input(progress, row), progress.shown()
     assert student.work(), progress.shown()
 

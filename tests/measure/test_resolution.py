@@ -38,26 +38,23 @@ def scene(tmp_path, bodies=""):
     return load_scene(write(tmp_path, SCENE + bodies))
 
 
-def test_without_bodies_the_gap_is_the_boxs_shortest_edge(tmp_path):
-    found = resolution(plan_of(scene(tmp_path)), depth=0.3)
-    assert found["spacings_across_narrowest_gap"] == pytest.approx(30.0)
+@pytest.mark.parametrize(
+    ("bodies", "gap", "across"),
+    [
+        ("", 0.6, None),  # the shortest edge of the box
+        (BALLS, 0.08, 0.2),  # between the balls
+        # The plate touches the floor and the wall z = 0: the gap is at the wall z = 0.6 m.
+        (PLATE, 0.06, 0.03),
+    ],
+)
+def test_resolution_is_over_the_finest_spacing(tmp_path, bodies, gap, across):
+    found = resolution(plan_of(scene(tmp_path, bodies)), depth=0.3)
+    assert found["spacings_across_narrowest_gap"] == pytest.approx(gap / 0.02, rel=0.05)
+    if across:
+        assert found["spacings_across_bodies.0"] == pytest.approx(across / 0.02)
     assert found["spacings_across_depth"] == pytest.approx(15.0)
     assert found["finest_spacing_m"] == pytest.approx(0.02)
     assert found["coarsest_spacing_m"] == pytest.approx(0.04)
-
-
-def test_narrowest_gap_is_the_distance_between_two_balls(tmp_path):
-    found = resolution(plan_of(scene(tmp_path, BALLS)))
-    assert found["spacings_across_narrowest_gap"] == pytest.approx(0.08 / 0.02, rel=0.05)
-    assert found["spacings_across_bodies.0"] == pytest.approx(0.2 / 0.02)
-
-
-def test_walls_that_a_plate_touches_are_no_gaps(tmp_path):
-    """A plate that touches the floor and the wall z = 0 has no gap there; it leaves a gap of 0.06 m
-    at the wall z = 0.6 m."""
-    found = resolution(plan_of(scene(tmp_path, PLATE)))
-    assert found["spacings_across_narrowest_gap"] == pytest.approx(0.06 / 0.02)
-    assert found["spacings_across_bodies.0"] == pytest.approx(0.03 / 0.02)
 
 
 def test_thickness_of_a_ring_is_the_thickness_of_its_tube():

@@ -1,13 +1,12 @@
 """Tests of timings: stages within stages, the printed profile, and the age of a process."""
 
-import subprocess
-import sys
 import time
 
 import pytest
 
 from msph.measure.timings import Timings
 from msph.stage.benchmark import profile_lines
+from tests.command_kit import python
 
 
 def test_substages_are_timed_only_for_a_profile():
@@ -44,7 +43,7 @@ def test_profile_is_indented_with_shares_of_the_frame():
 def test_age_of_a_process_is_at_most_the_time_waited_for_it():
     age = "from msph.measure.timings import process_age; print(process_age())"
     begin = time.perf_counter()
-    told = subprocess.run([sys.executable, "-c", age], check=True, capture_output=True, text=True)
+    told = python("-c", age, check=True)
     waited = time.perf_counter() - begin
     # The age is exact to the clock tick of the system, 0.01 s.
     assert 0.5 * waited < float(told.stdout.splitlines()[-1]) < waited + 0.02

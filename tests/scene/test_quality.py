@@ -41,11 +41,10 @@ def test_solver_settings_given_by_the_scene_are_kept(name):
     assert getattr(own.projection, name) == getattr(LADDER["small"], name)
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [("variant=system-1",), ("variant=system-3",), ("variant=system-1", "method=classic")],
-)
-def test_scenes_with_given_particle_numbers_and_classic_water_have_one_quality(changes):
+@pytest.mark.parametrize("system", [1, 3])
+@pytest.mark.parametrize("method", ["classic", "projection"])
+def test_scenes_with_given_particle_numbers_have_one_quality(system, method):
+    changes = (f"variant=system-{system}", f"method={method}")
     with pytest.raises(SceneError, match="pool: --quality: has only the quality large"):
         at_quality(load_scene("pool", changes), "small", "pool")
 
