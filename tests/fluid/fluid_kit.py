@@ -85,6 +85,13 @@ def of_layers(sim, name):
     return np.array([getattr(s, name) for s in sim.layers.specs])[sim.particles.numpy("layer")]
 
 
+def all_pairs(sim):
+    """Returns V_i (n,), offsets r_ij (n, n, 3), distances and support radii (n, n) of all pairs."""
+    (x,), volume, h = vectors(sim, "x"), of_layers(sim, "volume"), of_layers(sim, "support")
+    d = x[:, None] - x
+    return volume, d, np.linalg.norm(d, axis=2), pair_support(h, h)
+
+
 def masses(sim):
     """Returns the masses (n,) [kg] of the particles."""
     return of_layers(sim, "mass")
@@ -102,6 +109,24 @@ def momenta(sim, middle):
     arm, speed = x - middle, np.linalg.norm(v, axis=1)
     linear, angular = m @ v, m @ np.cross(arm, v)
     return linear, angular, m @ speed, m @ (np.linalg.norm(arm, axis=1) * speed)
+
+
+def drifts(before, after):
+    """Returns the changes of momentum and angular momentum over the scales of momenta()."""
+    changes = zip(before[:2], after[:2], before[2:], strict=True)
+    return [np.linalg.norm(b - a) / scale for a, b, scale in changes]
+
+
+def imbalance(before, after, seconds=0.0, gravity=GRAVITY):
+    """Returns the change (3,) [N s] of the momentum between two entries of a ledger that the record
+    does not explain: neither impulses, nor water that entered or left, nor gravity [m/s^2] on the
+    water of the first entry in `seconds`."""
+    given = ("wall_impulse", "internal_impulse", "inflow_impulse", "user_impulse")
+    given += ("inertia_impulse",)
+    names = {"momentum": 1.0, "spilt_momentum": 1.0, "outflow_momentum": 1.0}
+    names |= dict.fromkeys(given, -1.0)
+    change = sum(sign * (getattr(after, k) - getattr(before, k)) for k, sign in names.items())
+    return change - before.mass * seconds * np.array(gravity)
 
 
 def energies(sim, g=9.81):

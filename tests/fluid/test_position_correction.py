@@ -8,12 +8,12 @@ from msph.fluid.projection.position_correction import CROWDED_EXCESS, FULL_MOTIO
 from tests.fluid.fluid_kit import (
     WEIGHTLESS,
     advance,
+    all_pairs,
     colliding_balls,
     lattice,
     listed,
     masses,
     of_layers,
-    pair_support,
     place,
     simulate,
     vectors,
@@ -37,8 +37,8 @@ def test_crowds_are_crowded_particles_and_their_neighbours(collision):
     near[squeezed] = 0.98 * near[squeezed] + 0.02 * near[squeezed].mean(axis=0)
     place(collision, x=near)
     solver.position_correction._mark_crowds(p.count)
-    (x,), h = vectors(collision, "x"), of_layers(collision, "support")
-    met = listed(np.linalg.norm(x[:, None] - x, axis=2), pair_support(h, h))
+    _, _, r, h = all_pairs(collision)
+    met = listed(r, h)
     crowded = p.numpy("density") / 1000.0 - 1.0 > CROWDED_EXCESS
     corrected = (met & crowded).any(axis=1)
     displaced = (met & corrected).any(axis=1)
@@ -78,13 +78,12 @@ def test_relative_speed_is_the_largest_past_neighbours_and_walls(collision):
     solver, p = collision.solver, collision.particles
     x = p.numpy("x")
     place(collision, x=x - (x[:, 0].min() - np.float32(0.01)) * np.float32([1, 0, 0]))
-    x, v = (p.numpy(k) for k in "xv")
+    (x, v), (_, _, r, h) = vectors(collision), all_pairs(collision)
     solver.position_correction.find(0.0)
     solver.position_correction.apply(0.0)
-    h = of_layers(collision, "support")
-    near = listed(np.linalg.norm(x[:, None] - x, axis=2), pair_support(h, h))
+    near = listed(r, h)
     passing = (np.linalg.norm(v[:, None] - v, axis=2) * near).max(axis=1)
-    wall = np.where(x[:, 0] < h, np.abs(v[:, 0]), 0.0)
+    wall = np.where(x[:, 0] < np.diag(h), np.abs(v[:, 0]), 0.0)
     assert (wall > passing).any() and (passing > 2.0).any()
     expected = np.maximum(passing, wall)
     assert np.allclose(p.numpy("relative_speed"), expected, rtol=1e-3, atol=1e-5)

@@ -14,6 +14,7 @@ from tests.fluid.fluid_kit import (
     WEIGHTLESS,
     YIELD,
     advance,
+    all_pairs,
     colliding_balls,
     displacements,
     energies,
@@ -22,14 +23,12 @@ from tests.fluid.fluid_kit import (
     listed,
     masses,
     of_layers,
-    pair_support,
     place,
     quartic,
     quartic_slope,
     relative_density,
     simulate,
     spec_of,
-    vectors,
 )
 
 
@@ -54,10 +53,7 @@ def test_operator_equals_brute_force_and_is_symmetric(collision):
     sim, solver = collision, collision.solver
     n = sim.particles.count
     solver.measure_density()
-    (x,), volume, h = vectors(sim, "x"), of_layers(sim, "volume"), of_layers(sim, "support")
-    h = pair_support(h, h)
-    d = x[:, None] - x
-    r = np.linalg.norm(d, axis=2)
+    volume, d, r, h = all_pairs(sim)
     near = listed(r, h)
     c = relative_density((volume * near * quartic(r, h)).sum(axis=1), 2.5)
     assert np.allclose(sim.particles.numpy("density") / 1000.0, c, rtol=1e-4)
@@ -89,17 +85,13 @@ def test_pressure_is_a_third_of_the_virials_trace(collision):
     solver, p, dt = collision.solver, collision.particles, 0.01
     n = p.count
     solver.measure_density()
-    (x,), volume, h = (
-        vectors(collision, "x"),
-        of_layers(collision, "volume"),
-        of_layers(collision, "support"),
-    )
+    volume, _, r, h_ij = all_pairs(collision)
+    h = np.diag(h_ij)
     q = np.random.default_rng(2).uniform(0.0, 1e-4, n)
     fill(p.velocity_multiplier, q)
     solver.pressure_solve.accelerate(dt, ExternalForces())
-    r = np.linalg.norm(x[:, None] - x, axis=2)
     np.fill_diagonal(r, 1.0)
-    slope = listed(r, pair_support(h, h)) * quartic_slope(r, pair_support(h, h))
+    slope = listed(r, h_ij) * quartic_slope(r, h_ij)
     weight = -r * volume * slope / YIELD[2.5]
     np.fill_diagonal(weight, 0.0)
     sums, both = weight.sum(axis=1), 0.5 * (q[:, None] + q)
@@ -107,7 +99,7 @@ def test_pressure_is_a_third_of_the_virials_trace(collision):
     air = p.numpy("air_share") / (lattice_surface(2.5)[0] / YIELD[2.5])
     assert 10 < (air > 0.99).sum() < n - 10
     mean = (1.0 - air) * mean + air * q
-    moved = (h**2 - h[:, None] ** 2) / (6.0 * pair_support(h, h) ** 2)
+    moved = (h**2 - h[:, None] ** 2) / (6.0 * h_ij**2)
     trace = (weight * both * (1.0 - moved)).sum(axis=1) / 3.0
     bulk = np.interp(sums / 3.0, (SURFACE_WEIGHT, BULK_WEIGHT), (0.0, 1.0))
     assert (((moved > 0.1) & (weight > 0.0)).any(axis=1) & (bulk == 1.0)).sum() > 10
@@ -192,16 +184,15 @@ def test_pair_spacing_equals_brute_force(collision):
     advance(collision, 6, WEIGHTLESS)
     p, layer = collision.particles, collision.particles.numpy("layer")
     collision.measure_density()
-    x = p.numpy("x").astype(float)
-    volume, h, d = (of_layers(collision, name) for name in ("volume", "support", "spacing"))
-    r, h_ij = np.linalg.norm(x[:, None] - x, axis=2), pair_support(h, h)
+    volume, _, r, h_ij = all_pairs(collision)
+    h, d = np.diag(h_ij), of_layers(collision, "spacing")
     weight = np.where(listed(r, h_ij) & (r > 0.0), volume / h_ij**3, 0.0)
     met = weight.sum(axis=1) > 0.1
     per_h2 = (weight / h_ij**2).sum(axis=1)[met] / weight.sum(axis=1)[met]
     share = p.numpy("pair_spacing")[met] / d[met]
     assert np.allclose(share, per_h2**-0.5 / h[met], rtol=5e-3)
     alike = np.array(
-        [len(set(layer[row])) == 1 for row in (weight > 0.0) | np.eye(len(x), dtype=bool)]
+        [len(set(layer[row])) == 1 for row in (weight > 0.0) | np.eye(p.count, dtype=bool)]
     )
     assert np.allclose(share[alike[met]], 1.0, rtol=1e-5)
     assert share[layer[met] == 0].max() > 1.3
