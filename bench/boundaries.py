@@ -45,11 +45,6 @@ PLATE_SPACING, BOX, PLATE, WAY, HITTING = 1.0 / 6.0, 16.0, 4.5, 7.0, (2.5, 4.5)
 END = 0.3223
 
 
-def build(scene: Scene, openings: dict[str, Any]) -> Simulation:
-    """Returns the simulation of a tank with inflows and outflows."""
-    return tanks.build(Scene.model_validate({**scene.model_dump(), **openings}))
-
-
 def inside(sim: Simulation) -> np.ndarray:
     """Returns the heights [m] of the particles in the box."""
     y = sim.particles.numpy("x")[:, 1].astype(float)
@@ -105,7 +100,7 @@ def drained(
     over that of a jet of this speed with the coefficient of discharge; and draining time over
     theory with this coefficient (-). Distances `along` the jet over the width: its area there over
     plane_contraction()."""
-    sim = build(scene, {"outflows": [hole], "duration": 30.0})
+    sim = tanks.build(scene, outflows=[hole], duration=30.0)
     spec, tank = sim.layers.specs[0], sim.size[0] * sim.size[2]
     levels, times, ratios, areas = [], [], [], []
     shape: dict[float, list[float]] = {share: [] for share in along}
@@ -155,13 +150,11 @@ def through_flow(seed: int) -> dict[str, float]:
     the time between two sheets of the spring, each of which is 1.5 % of the mass."""
     flow = {"radius": RADIUS, "speed": SPEED}
     corners = ([0.08, 0, 0.08], [0.22, 0, 0.22])
-    sim = build(
+    sim = tanks.build(
         tanks.tank((EDGE, EDGE), DEPTH, SPACING, 1, seed=seed),
-        {
-            "inflows": [{"centre": corners[0], **flow}],
-            "outflows": [{"centre": corners[1], **flow}],
-            "duration": 30.0,
-        },
+        inflows=[{"centre": corners[0], **flow}],
+        outflows=[{"centre": corners[1], **flow}],
+        duration=30.0,
     )
     masses, levels = [], []
     for _ in range(round(30.0 / tanks.FRAME)):
@@ -192,14 +185,8 @@ def jet(seed: int) -> dict[str, float]:
     rho g R sum 4/z^3."""
     corner = {"layer": 0, "lo": [0, 0, 0], "hi": [0.1, 0.025, 0.6]}
     scene = tanks.tank((0.6, 0.6), 0.025, FINE, 1, air=0.9, seed=seed)
-    sim = build(
-        scene,
-        {
-            "water": [corner],
-            "inflows": [{"centre": [0.35, 0, 0.3], "radius": JET_RADIUS, "speed": JET_SPEED}],
-            "duration": 0.6,
-        },
-    )
+    spring = {"centre": [0.35, 0, 0.3], "radius": JET_RADIUS, "speed": JET_SPEED}
+    sim = tanks.build(scene, water=[corner], inflows=[spring], duration=0.6)
     highest: dict[int, float] = {}
     heads = []
     started = set(sim.particles.numpy("id")[sim.particles.numpy("x")[:, 1] > 0.0].tolist())
@@ -261,9 +248,8 @@ def filling(seed: int) -> dict[str, float]:
     """Returns the error of the level in a basin that a spring fills from 0.1 to 0.2 m: twice the
     mean height over the level by rate and time, mean of the last 0.5 s."""
     spring = {"centre": [0.15, 0, 0.15], "radius": RADIUS, "speed": SPEED}
-    sim = build(
-        tanks.tank((EDGE, EDGE), 0.1, SPACING, 1, seed=seed), {"inflows": [spring], "duration": 5.0}
-    )
+    scene = tanks.tank((EDGE, EDGE), 0.1, SPACING, 1, seed=seed)
+    sim = tanks.build(scene, inflows=[spring], duration=5.0)
     begin = 2.0 * float(inside(sim).mean())
     errors, rate = [], math.pi * RADIUS**2 * SPEED / EDGE**2
     while sim.time < 0.1 / rate:

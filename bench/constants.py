@@ -5,7 +5,6 @@ A constant that changes no figure within a factor of 2 needs no tuning.
 """
 
 import importlib
-import json
 from functools import partial
 from typing import Any
 
@@ -86,13 +85,7 @@ def at_rest(settings: tuple[str, ...], start: int) -> dict[str, float]:
     """Returns the figures of still water: pressure error against rho g (H - y), energy rise in 1 s,
     mean solver residual (-); kinetic energy [mJ]; number of particles that changed layer."""
     scene = tanks.tank((10 * FINE, 10 * FINE), SPACINGS_DEEP * FINE, FINE, LAYERS, seed=start)
-    changed = {}
-    for text in settings:
-        table, key = text.split("=")[0].split(".")
-        changed[table] = getattr(scene, table).model_copy(
-            update={key: json.loads(text.split("=")[1])}
-        )
-    sim = tanks.build(scene.model_copy(update=changed))
+    sim = tanks.build(load_scene(scene.model_dump(), settings))
     tanks.run(sim, SETTLE)
     reading = tanks.Reading(sim)
     profile, counts = tanks.Profile(sim, reading.depth), np.array(sim.counts())

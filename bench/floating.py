@@ -42,7 +42,7 @@ def build(layers: int, bodies: list[dict], seed: int, fine: float = FINE, **scen
     """Returns a simulation of a tank of still water with bodies."""
     size = scene.pop("size", (EDGE, EDGE)), scene.pop("depth", DEPTH)
     tank = tanks.tank(*size, fine, layers, air=0.4, seed=seed)
-    return tanks.build(Scene.model_validate({**tank.model_dump(), "bodies": bodies, **scene}))
+    return tanks.build(tank, bodies=bodies, **scene)
 
 
 def run(

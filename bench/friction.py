@@ -14,7 +14,6 @@ from bench.cases import CASES
 from bench.cases.case import ADAPTIVE, UNIFORM, Setting
 from bench.rows import STARTS
 from bench.tables import Bench, Table
-from msph.scene.schema import Scene
 
 # Length, width and depth of the tank of the waves [m]; time at rest before the wave [s]; periods.
 LENGTH, WIDTH, DEPTH, SETTLE, PERIODS = 0.9, 0.3, 0.3, 1.0, 4
@@ -39,19 +38,13 @@ TANK, WATER, RADIUS, FROM, SPEEDS, SPACING = (1.8, 0.7, 0.6), 0.5, 0.1, 0.3, (0.
 MEASURED = (0.4, 0.9)
 
 
-def relieved(scene: Scene, relief: float) -> Scene:
-    """Returns the scene with a share of shear relief (-)."""
-    terms = scene.projection.model_copy(update={"shear_relief": relief})
-    return scene.model_copy(update={"projection": terms})
-
-
 def wave(
     spacings: int, amplitude: float, layers: int, relief: float, seed: int
 ) -> dict[str, float]:
     """Returns the logarithmic decrement per period of the first mode (theory: 0) and the error of
     its period (-), from the centre of mass."""
     scene = tanks.tank((LENGTH, WIDTH), DEPTH, DEPTH / spacings, layers, air=0.1, seed=seed)
-    sim = tanks.build(relieved(scene, relief))
+    sim = tanks.build(scene, projection={"shear_relief": relief})
     tanks.run(sim, SETTLE)
     tanks.slosh(sim, DEPTH, amplitude * DEPTH)
     theory, reading = tanks.slosh_period(LENGTH, DEPTH), tanks.Reading(sim)
@@ -93,8 +86,8 @@ def tow(speed: float, layers: int, relief: float, seed: int) -> dict[str, float]
     """Returns the drag coefficient of a submerged ball towed at `speed` [m/s]."""
     scene = tanks.tank((TANK[0], TANK[2]), WATER, SPACING, layers, air=TANK[1] - WATER, seed=seed)
     ball = {"centre": [FROM, 0.5 * WATER, 0.5 * TANK[2]], "radius": RADIUS}
-    given = scene.model_dump() | {"bodies": [ball | {"velocity": [speed, 0.0, 0.0]}]}
-    sim = tanks.build(relieved(Scene.model_validate(given), relief))
+    towed = [ball | {"velocity": [speed, 0.0, 0.0]}]
+    sim = tanks.build(scene, bodies=towed, projection={"shear_relief": relief})
     begin = end = impulse = math.nan
     while speed * sim.time < MEASURED[1]:
         tanks.run(sim, tanks.FRAME)

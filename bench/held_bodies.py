@@ -51,7 +51,7 @@ WEIGHT = "force over displaced weight"
 def still_water(bodies: list[dict[str, Any]], layers: int, seed: int = 0) -> Any:
     """Returns a simulation of a tank of still water with bodies."""
     tank = tanks.tank((EDGE, EDGE), DEPTH, FINE, layers, air=0.15, seed=seed)
-    return tanks.build(Scene.model_validate({**tank.model_dump(), "bodies": bodies}))
+    return tanks.build(tank, bodies=bodies)
 
 
 def sphere(n: int) -> np.ndarray:

@@ -5,13 +5,13 @@ import math
 
 import numpy as np
 from scipy.stats import linregress
-from tabulate import tabulate
 
 from bench.cases import CASES
 from bench.cases.case import ADAPTIVE, DFSPH, FIXED, UNIFORM, Case
 from bench.pareto_figures import LEAST, WITHOUT_RELIEF, drawn, figures, undominated
 from bench.pareto_rows import disturbed, grouped, high, low, number, place_of
-from bench.report import RESULTS
+from bench.rows import RESULTS
+from bench.tables import markdown
 
 # Error limits for which the fastest run is listed (-).
 LIMITS = (0.3, 0.1, 0.03, 0.01, 0.003)
@@ -206,7 +206,7 @@ def table(rows: list[dict], case: Case) -> str:
         if row.get("failure"):
             cells["changes"] += f" failed: {row['failure']}"
         lines.append(cells)
-    return lines_of(lines)
+    return markdown(lines)
 
 
 def cell(row: dict, name: str) -> str:
@@ -217,11 +217,6 @@ def cell(row: dict, name: str) -> str:
     if name in WITHOUT_RANGE or ends[0] == ends[1]:
         return middle
     return f"{middle} ({' to '.join(ends)})"
-
-
-def lines_of(rows: list[dict[str, str]]) -> str:
-    """Returns rows as a Markdown table."""
-    return tabulate(rows, headers="keys", tablefmt="github", disable_numparse=True)
 
 
 def order(row: dict) -> tuple[bool, float]:
@@ -259,7 +254,7 @@ def report(rows: list[dict]) -> str:
         "different loads; [friction](friction.md) compares them in turn.\n",
     ]
     figures(rows, RESULTS)
-    text += ["## The fastest run within an error limit\n", f"{lines_of(recommended(rows))}\n"]
+    text += ["## The fastest run within an error limit\n", f"{markdown(recommended(rows))}\n"]
     text += compared_with_peer(rows)
     for case in CASES.values():
         own = [row for row in rows if row["case"] == case.name]
@@ -280,7 +275,7 @@ def report(rows: list[dict]) -> str:
             ("Differences from the finest uniform run:", self_convergence(rows, case)),
         ):
             if lines:
-                text += [title, "", lines_of(lines), ""]
+                text += [title, "", markdown(lines), ""]
         if drawn(rows, case):
             text.append(f"![{case.title}](pareto_{case.name}.png)\n")
     found = "\n".join(text)
@@ -336,7 +331,7 @@ def compared_with_peer(rows: list[dict]) -> list[str]:
         "the fastest run, uniform or layered, with at most the same\nerror, interpolated. "
         f"Other work kept {busy[0]:.1f} cores busy during our runs and {busy[1]:.1f} during its "
         "runs (medians).\n",
-        lines_of(lines),
+        markdown(lines),
         "",
     ]
 

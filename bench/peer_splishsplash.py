@@ -31,7 +31,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench import rows
-from bench.report import RESULTS
+from bench.rows import RESULTS
 from bench.water import GRAVITY, Water
 from msph.measure.snapshot import Snapshot
 from msph.scene.build import plan_of

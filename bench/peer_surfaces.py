@@ -9,18 +9,16 @@ compute normals.
 import importlib
 import importlib.metadata
 import importlib.util
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import taichi as ti
 
 from bench.cases import block
 from bench.cases.case import Setting
 from bench.tables import Bench, Table
-from bench.tanks import FRAME, GRAVITY
+from bench.tanks import FRAME, GRAVITY, milliseconds
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.simulation import Simulation
 from msph.scene.build import build_simulation
@@ -84,11 +82,8 @@ def in_turns(surface: str, methods: list[Method]) -> list[dict[str, Any]]:
     times: dict[str, list[float]] = {method.name: [] for method in methods}
     for turn in range(ROUNDS + 1):
         for method in methods:
-            ti.sync()
-            begin = time.perf_counter()
-            method.work()
-            ti.sync()
-            times[method.name] += [1e3 * (time.perf_counter() - begin)] if turn else []
+            elapsed = milliseconds(method.work)
+            times[method.name] += [elapsed] if turn else []
     middle = {name: float(np.median(found)) for name, found in times.items()}
     fastest = min((t for n, t in middle.items() if not n.startswith("ours")), default=np.nan)
     return [

@@ -1,13 +1,20 @@
-"""Rows of a table, each measured in a separate process and saved when it ends."""
+"""Rows of a table, each measured in a separate process and saved when it ends, and their machine,
+versions and date."""
 
 import csv
+import datetime
 import json
+import os
+import platform
 import statistics
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
+from msph.measure.machine import machine
+
+RESULTS = Path(__file__).parent / "results"
 # Number of starts of each row: initial arrangements with different random displacements.
 STARTS = 3
 # Largest number of characters of a failure message.
@@ -51,3 +58,19 @@ def spread(values: list[float], form: str) -> str:
     numbers = statistics.median(values), min(values), max(values)
     middle, least, most = (format(v, form).replace("%", " %") for v in numbers)
     return middle if least == most else f"{middle} ({least} to {most})"
+
+
+def place(arch: str, threads: int | None) -> str:
+    """Returns machine, device, threads, versions and date of a measurement, in words."""
+    words = [machine(), f"arch {arch}", f"threads: {threads or os.cpu_count()}"]
+    words += [f"Python {platform.python_version()}", f"version {version()}"]
+    return "; ".join([*words, datetime.date.today().isoformat()])
+
+
+def version() -> str:
+    """Returns the commit of this checkout, "unknown" without Git."""
+    command = ["git", "-C", str(RESULTS), "describe", "--always", "--dirty"]
+    try:
+        return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"

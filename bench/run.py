@@ -18,7 +18,7 @@ from tqdm import tqdm
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from bench import rows, tables
-from bench.report import RESULTS, place
+from bench.rows import RESULTS, place
 from msph.device import ARCHES, start
 
 # Time limit of a run [s].

@@ -16,7 +16,7 @@ import numpy as np
 import taichi as ti
 
 from bench.tables import Bench, Table
-from bench.tanks import FRAME
+from bench.tanks import FRAME, milliseconds
 from msph.constants import DEFAULT_SCENE
 from msph.device import start
 from msph.errors import BlowUpError
@@ -104,11 +104,7 @@ def gain(name: str) -> dict[str, float]:
     times, counts = np.zeros(2), np.zeros(2)
     for _ in range(round(SECONDS / FRAME)):
         for k, show in enumerate(shows):
-            ti.sync()
-            begin = time.perf_counter()
-            show.frame(Controls())
-            ti.sync()
-            times[k] += time.perf_counter() - begin
+            times[k] += milliseconds(partial(show.frame, Controls()))
             counts[k] += sum(show.simulation.counts())
     faster = times[1] / times[0]
     return {"speed-up over uniform": faster, "over particles": faster * counts[0] / counts[1]}

@@ -9,7 +9,7 @@ from typing import Any
 from tabulate import tabulate
 
 from bench import rows
-from bench.report import RESULTS
+from bench.rows import RESULTS
 
 # Modules of the benches, by name.
 MODULES = {

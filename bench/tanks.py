@@ -1,10 +1,13 @@
 """Tanks of uniform or layered water for benchmarks, and measurements on them."""
 
 import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+import taichi as ti
 
 from bench.water import GRAVITY, Water, water_of
 from msph.fluid.external_forces import ExternalForces
@@ -232,11 +235,22 @@ def recorded(
     return ledger
 
 
-def build(scene: Scene) -> Simulation:
-    """Builds the simulation of a scene; forces on bodies are recorded."""
+def build(scene: Scene, **changes: Any) -> Simulation:
+    """Builds the simulation of a scene with changed sections; forces on bodies are recorded."""
+    if changes:
+        scene = Scene.model_validate({**scene.model_dump(), **changes})
     sim = build_simulation(scene)
     sim.record_forces()
     return sim
+
+
+def milliseconds(work: Callable[[], object]) -> float:
+    """Returns the elapsed time of work() and the kernels that it launches [ms]."""
+    ti.sync()
+    begin = time.perf_counter()
+    work()
+    ti.sync()
+    return 1e3 * (time.perf_counter() - begin)
 
 
 def slosh(source: Water | Simulation, depth: float, amplitude: float) -> None:

@@ -4,11 +4,9 @@ The cases of viscous flows are in bench/cases and bench/accuracy.py.
 """
 
 import statistics
-import time
 from functools import partial
 
 import numpy as np
-import taichi as ti
 from scipy.spatial.transform import Rotation
 
 from bench import tanks
@@ -73,7 +71,7 @@ def cost(seed: int) -> list[dict[str, str | float]]:
     for turn in range(ROUNDS + 1):
         for name, sim in sims.items():
             found = [
-                milliseconds(lambda s=sim: s.solver.step(dt, ExternalForces()))
+                tanks.milliseconds(partial(sim.solver.step, dt, ExternalForces()))
                 for _ in range(STEPS)
             ]
             times[name] += found if turn else []  # the first turn compiles
@@ -96,15 +94,6 @@ def cost(seed: int) -> list[dict[str, str | float]]:
     return rows
 
 
-def milliseconds(work) -> float:
-    """Returns the elapsed time of work() [ms]."""
-    ti.sync()
-    begin = time.perf_counter()
-    work()
-    ti.sync()
-    return 1e3 * (time.perf_counter() - begin)
-
-
 def alone(sim: Simulation, dt: float) -> float:
     """Returns the median time [ms] of the term alone, in the last state of the run."""
     sim.measure_density()
@@ -114,7 +103,7 @@ def alone(sim: Simulation, dt: float) -> float:
         return 0.0
     for _ in range(STEPS):
         sim.particles.v.from_numpy(v)
-        found.append(milliseconds(lambda: term.apply(dt, ExternalForces())))
+        found.append(tanks.milliseconds(lambda: term.apply(dt, ExternalForces())))
     return statistics.median(found)
 
 

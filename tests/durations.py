@@ -36,7 +36,7 @@ def read(run: str) -> list[tuple[str, str, float]]:
 
 def main() -> None:
     """Writes the durations of the last runs."""
-    from bench.report import RESULTS, place
+    from bench.rows import RESULTS, place
 
     found = {run: read(run) for run in RUNS if report_of(run).exists()}
     tiers = [run for run in RUNS[:2] if run in found]
