@@ -14,9 +14,9 @@ from bench.tables import Bench, Table
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan
-from msph.fluid.projection.body_force import BodyForce
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.projection.solver import Projection
+from msph.fluid.projection.surface_tension import SurfaceTension
 from msph.fluid.projection.viscosity import Viscosity
 from msph.fluid.simulation import Simulation
 
@@ -98,7 +98,7 @@ def alone(sim: Simulation, dt: float) -> float:
     """Returns the median time [ms] of the term alone, in the last state of the run."""
     sim.measure_density()
     v, found = sim.particles.v.to_numpy(), []
-    term = next((f for f in sim.solver.forces if not isinstance(f, BodyForce)), None)
+    term = sim.solver.force(Viscosity) or sim.solver.force(SurfaceTension)
     if term is None:
         return 0.0
     for _ in range(STEPS):
