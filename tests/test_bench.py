@@ -191,10 +191,7 @@ def test_mean_pressures_are_over_the_whole_averaging_time(window, mean):
 
 
 def test_every_constant_that_is_varied_exists():
-    """Every constant that bench/constants.py varies exists in the module given there.
-
-    Regression: a constant that had been moved to another module ended the whole measurement.
-    """
+    """Regression: a constant that had been moved to another module ended the whole measurement."""
     named = [(module, name) for module, name, *_ in constants.TRIED if module != "scene"]
     for module, name in named:
         assert hasattr(importlib.import_module(constants.FLUID + module), name), (module, name)
@@ -202,10 +199,8 @@ def test_every_constant_that_is_varied_exists():
 
 @pytest.mark.parametrize("number", [8, 128, 706, 1575, 4703])
 def test_splishsplash_blocks_have_the_exact_number_of_particles(number):
-    """The blocks hold exactly the given number of particles, at least two along each edge.
-
-    Regression: after 500 steps SPlisHSPlasH sorted surplus, inactive particles among the active.
-    """
+    """Regression: after 500 steps SPlisHSPlasH sorted surplus, inactive particles among the
+    active."""
     blocks = peer_splishsplash.blocks_of(number)
     assert sum(math.prod(edges) for edges in blocks) == number and min(map(min, blocks)) >= 2
 

@@ -43,10 +43,7 @@ ti.field(ti.f32, 4).fill(1.0)
 
 
 def test_a_run_without_a_cache_exits_with_success(tmp_path):
-    """A run whose cache folder cannot be written succeeds and reports this in one line.
-
-    Regression: Taichi ended with a segmentation fault after the run.
-    """
+    """Regression: Taichi ended with a segmentation fault after the run."""
     (tmp_path / "file").write_text("")
     environment = {"XDG_CACHE_HOME": str(tmp_path / "file"), "PATH": "", "HOME": str(Path.home())}
     run = python("-c", RUN, env=environment)

@@ -158,11 +158,8 @@ def test_no_output_replaces_an_input_even_with_force(tmp_path):
 @pytest.mark.skipif(sys.platform == "win32", reason="sends an interrupt")
 @pytest.mark.parametrize("wait", slow_but([0.15], [0.15, "then running"]))
 def test_an_interrupt_ends_the_program_at_any_time(tmp_path, wait):
-    """SIGINT ends the program without a traceback, during imports and during a run.
-
-    Regression: 4 of 10 interrupts during imports were lost in callbacks of libraries, or gave
-    tracebacks.
-    """
+    """Regression: 4 of 10 interrupts during imports were lost in callbacks of libraries, or gave
+    tracebacks."""
     scene, said = write(tmp_path), PYTHON_STARTS
     for _ in range(5):
         if PYTHON_STARTS in said:
@@ -330,10 +327,7 @@ def test_help_needs_no_taichi():
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a signal")
 def test_a_signal_before_the_first_frame_leaves_a_summary(tmp_path):
-    """SIGTERM before the first frame ends the run with a message and a summary.
-
-    Regression: during the compilation of kernels SIGTERM ended the process without a message.
-    """
+    """Regression: during the compilation of kernels SIGTERM ended the process without a message."""
     folder = tmp_path / "out"
     process = subprocess.Popen(
         [sys.executable, "-m", "msph", "measure", write(tmp_path), "-o", str(folder)],
@@ -354,10 +348,7 @@ def test_a_signal_before_the_first_frame_leaves_a_summary(tmp_path):
 
 
 def test_insufficient_memory_is_reported(tmp_path, monkeypatch):
-    """Failed allocations are reported as insufficient memory.
-
-    Regression: they were reported as unexpected errors, with a line of Taichi's C++.
-    """
+    """Regression: they were reported as unexpected errors, with a line of Taichi's C++."""
     said = "[host_memory_pool.cpp] Virtual memory allocation (1073741824 B) failed."
     for error in (MemoryError(), RuntimeError(said), RuntimeError("std::bad_alloc")):
         assert unexpected(error).startswith("not enough memory")

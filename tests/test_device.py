@@ -36,10 +36,7 @@ def cpus_by_thread(threads):
 
 @pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="the system does not tell")
 def test_each_thread_has_a_cpu_of_its_own():
-    """Each of Taichi's threads is pinned to its own CPU.
-
-    Two threads that Linux wakes on the same CPU are as slow as one.
-    """
+    """Two threads that Linux wakes on the same CPU are as slow as one."""
     ours = os.sched_getaffinity(0)
     found = cpus_by_thread(None)
     assert len(found) >= len(ours)
@@ -54,10 +51,7 @@ def test_fewer_threads_are_not_pinned():
 
 
 def test_a_lock_that_a_killed_process_left_is_removed(tmp_path):
-    """A stale lock of the kernel cache is removed, and a fresh lock, which is in use, is kept.
-
-    With a lock no kernel is read from the cache or written to it.
-    """
+    """With a lock no kernel is read from the cache or written to it."""
     lock = tmp_path / device.LOCK
     device.unlock(tmp_path)
     lock.touch()
@@ -85,11 +79,8 @@ number()
 
 
 def test_compiled_kernels_are_cached_in_the_folder_of_taichis_environment_variable(tmp_path):
-    """A process removes a stale lock in the folder and leaves its compiled kernels there.
-
-    Regression: depending on the order in which Python removed modules at exit, Taichi did not shut
-    down, and every start compiled all kernels.
-    """
+    """Regression: depending on the order in which Python removed modules at exit, Taichi did not
+    shut down, and every start compiled all kernels."""
     (tmp_path / device.LOCK).touch()
     os.utime(tmp_path / device.LOCK, (0.0, 0.0))
     (tmp_path / "started.py").write_text(STARTED)
@@ -101,10 +92,7 @@ def test_compiled_kernels_are_cached_in_the_folder_of_taichis_environment_variab
 
 
 def test_auto_selects_the_cpu_on_macos(monkeypatch):
-    """On macOS "auto" selects the CPU.
-
-    A Metal window of Taichi 1.7.4 has frozen macOS (taichi issue #8775).
-    """
+    """A Metal window of Taichi 1.7.4 has frozen macOS (taichi issue #8775)."""
     asked = []
     monkeypatch.setattr(sys, "platform", "darwin")
     monkeypatch.setattr(device, "_started", None)

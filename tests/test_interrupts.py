@@ -9,10 +9,7 @@ from msph.interrupts import end_at_once, importing
 
 
 def test_a_failed_import_restores_the_signal_handlers():
-    """A failed import restores the handler of SIGINT.
-
-    Regression: from then on Ctrl-C ended the process at once, as during imports.
-    """
+    """Regression: from then on Ctrl-C ended the process at once, as during imports."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         with pytest.raises(ImportError), importing():
@@ -24,10 +21,8 @@ def test_a_failed_import_restores_the_signal_handlers():
 
 
 def test_imports_hide_deprecation_warnings_only():
-    """Imports hide a DeprecationWarning and show a UserWarning.
-
-    Regression: the warning that Taichi lacks an interface, so that launches are slower, was hidden.
-    """
+    """Regression: the warning that Taichi lacks an interface, so that launches are slower, was
+    hidden."""
     with warnings.catch_warnings(record=True) as heard, importing():
         warnings.simplefilter("always", UserWarning)
         warnings.warn("taichi lacks something", stacklevel=1)

@@ -128,10 +128,8 @@ def test_a_command_may_write_its_own_file_again(tmp_path):
 
 
 def test_a_temporary_file_has_an_unused_name(tmp_path):
-    """A temporary file takes no name that exists.
-
-    Regression: the name was new_NAME, so a user's file of that name was overwritten and removed.
-    """
+    """Regression: the name was new_NAME, so a user's file of that name was overwritten and
+    removed."""
     taken = tmp_path / "new_a.json"
     taken.write_text("a holiday")
     with replacing(tmp_path / "a.json") as temporary:
@@ -174,10 +172,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path):
 
 
 def test_a_full_disk_is_reported_and_leaves_no_partial_file(tmp_path):
-    """A full disk gives an error that names the file, and leaves the old file and no partial one.
-
-    Regression: a partial checkpoint was left, and the error named no file.
-    """
+    """Regression: a partial checkpoint was left, and the error named no file."""
     path = tmp_path / "checkpoint.npz"
     replace(path, "old")
     message = r"checkpoint\.npz: no space left on device"

@@ -46,10 +46,7 @@ def test_a_vortex_loses_little_amplitude_to_the_surface():
 
 
 def test_settings_change_the_shipped_pool():
-    """Settings of a run change the scene of the thesis pool.
-
-    Regression: runs with different settings were the same run, but were listed separately.
-    """
+    """Regression: runs with different settings were the same run, but were listed separately."""
     given = {"motion_tolerance": 0.03, "cfl": 0.8, "shear_relief": 0.5}
     scene = thesis_pool.pool(Setting(water="adaptive", smoothing=2.0, **given))
     assert {layer.smoothing for layer in scene.layers} == {2.0}

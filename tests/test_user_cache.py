@@ -34,10 +34,7 @@ def test_a_damaged_file_is_reported_once_and_replaced(cache, text, capsys):
 
 @pytest.mark.parametrize("damaged", [7, None, {"ticked": 5}, {"answered": -1}, [[]]])
 def test_a_damaged_value_is_reported_once_and_the_others_stay(cache, damaged, capsys):
-    """A damaged value is reported once, and other values are kept.
-
-    Regression: {"lesson kernels": 7} stopped the list of lessons.
-    """
+    """Regression: {"lesson kernels": 7} stopped the list of lessons."""
     user_cache.remember("lesson", damaged)
     user_cache.remember("other", 35)
     for _ in range(2):

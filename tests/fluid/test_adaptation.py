@@ -212,10 +212,8 @@ def test_merges_double_masses_of_rounded_spacings_exactly():
 
 
 def test_deep_water_of_halved_cubes_starts_at_rest_density():
-    """Water 60 fine spacings deep, split from coarse cubes, starts below 1001 kg/m^3 everywhere.
-
-    Regression: 100 rounds left some of the water too dense, which lifted it and raised its energy.
-    """
+    """Regression: 100 rounds left some of the water too dense, which lifted it and raised its
+    energy."""
     fine = 0.02
     specs = [LayerSpec(1000.0 * fine**3 * 2**k, 1000.0, 2.45) for k in range(3)]
     cells = np.array([5, 38, 5])

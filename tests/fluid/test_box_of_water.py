@@ -146,10 +146,7 @@ def test_pressure_is_hydrostatic(tank, steps):
 
 
 def test_stirred_water_keeps_its_bulk_density(tank):
-    """A vortex from wall to wall keeps its bulk density to 1 %.
-
-    Regression: the bulk density was 2 to 4 % too low although c was 1 everywhere.
-    """
+    """Regression: the bulk density was 2 to 4 % too low although c was 1 everywhere."""
     sim, _ = tank
     sim.reset()
     k = np.pi / TANK[0]

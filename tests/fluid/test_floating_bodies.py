@@ -236,10 +236,7 @@ def test_a_body_added_in_the_water_takes_its_place():
 
 
 def test_measuring_the_density_does_not_change_a_run_with_a_gap():
-    """Runs with and without calls of measure_density() are equal.
-
-    Regression: body shares were read after the particles had been sorted again.
-    """
+    """Regression: body shares were read after the particles had been sorted again."""
 
     def run_with(measured):
         low = ball((0.24, 0.075, 0.24), 0.07, 700.0)

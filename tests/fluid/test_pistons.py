@@ -40,10 +40,7 @@ def ledger_of(sim):
 
 @pytest.mark.parametrize("wall", [LOW, FAR])
 def test_a_piston_at_its_wall_is_like_the_wall(sim, wall):
-    """Adding and removing a piston at rest at its wall does not move or compress the water.
-
-    Regression: the wall mirrored particles as well, and the density there was 50 % too high.
-    """
+    """Regression: the wall mirrored particles as well, and the density there was 50 % too high."""
     ledger = ledger_of(sim)
     run(sim, ledger, 20)
     sim.add_piston(Stroke(wall))

@@ -110,12 +110,9 @@ def test_the_implicit_solve_is_finite_for_few_and_small_particles(count, spacing
 
 
 def test_very_viscous_liquid_at_rest_stays_at_rest():
-    """A liquid of 1e5 Pa s stays at rest.
-
-    Regression: the solve added its residual to the velocities, which amplified its error by the
+    """Regression: the solve added its residual to the velocities, which amplified its error by the
     largest eigenvalue of the operator, some thousand; the liquid at rest reached 1 m/s and lost 7 %
-    of its density.
-    """
+    of its density."""
     n, d = 6, 0.04
     x, terms = lattice((n, n, n), d, 0.01, seed=1), ProjectionParameters(viscosity=1e5)
     sim = simulate((n * d, 2 * n * d, n * d), [spec_of(d)], x, terms=terms)

@@ -56,10 +56,7 @@ def test_boards_fill_their_image():
 
 
 def test_a_drawing_reuses_its_layout_and_keeps_no_old_content():
-    """Drawing a board again reuses its layout and leaves nothing of the last drawing.
-
-    Regression: each drawing took up to 0.6 s, most of it for the layout.
-    """
+    """Regression: each drawing took up to 0.6 s, most of it for the layout."""
     for name in MODULES:
         board = board_of(name)
         values = {name: given.start for name, given in board.INPUTS.items()}

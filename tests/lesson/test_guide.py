@@ -56,10 +56,7 @@ def test_a_lesson_resumes_where_it_was_left(tmp_path, monkeypatch):
 
 
 def test_a_completed_task_keeps_its_numbers_until_restarted():
-    """A completed task displays the numbers that completed it until it is restarted.
-
-    Regression: another number was displayed next to the current number.
-    """
+    """Regression: another number was displayed next to the current number."""
     course = load_lesson("cubes")
     guide = Guide(course, None, SIZE)
     progress = guide.progress
@@ -75,10 +72,7 @@ def test_a_completed_task_keeps_its_numbers_until_restarted():
 
 
 def test_a_board_is_checked_when_its_slider_is_released():
-    """A task is completed only by the value at which the slider is released.
-
-    Regression: a slider that was dragged past a solution completed the task.
-    """
+    """Regression: a slider that was dragged past a solution completed the task."""
     course = load_lesson("cubes")
     guide = Guide(course, None, SIZE)
     guide.progress.answer(3), guide.progress.go(1)
@@ -93,10 +87,7 @@ def test_a_board_is_checked_when_its_slider_is_released():
 
 @pytest.mark.parametrize("name", LESSONS)
 def test_each_answer_is_explained_and_fits_its_page(name, monkeypatch):
-    """The reason of each answer is displayed and fits on the page.
-
-    Regression: a wrong answer was only marked as wrong.
-    """
+    """Regression: a wrong answer was only marked as wrong."""
     course, size = load_lesson(name), (960, 540)
     text = text_height(size[1])
     low = band_height(text)

@@ -52,10 +52,7 @@ def test_no_text_of_a_lesson_becomes_code_of_its_page(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", BOARDS)
 def test_tasks_of_a_page_can_be_completed_with_its_sliders(name, monkeypatch):
-    """Each task of a page has the sliders of its solution, and they can complete it.
-
-    Regression: a page asked for a scene but had a slider for the quality only.
-    """
+    """Regression: a page asked for a scene but had a slider for the quality only."""
     monkeypatch.setattr(web, "SIZE", (480, 200))
     course = load_lesson(name)
     for task, part in zip(course.lesson.do, web.on_board(course), strict=True):

@@ -101,10 +101,7 @@ def test_excerpts_equal_the_source():
 
 
 def test_simulations_have_the_same_name_everywhere():
-    """Titles of simulations match their names in checks.
-
-    Regression: System 1 was also called "one".
-    """
+    """Regression: System 1 was also called "one"."""
     several = [course for course in map(load_lesson, LESSONS) if len(course.scenes) > 1]
     for course in several:
         for known, title in course.titles.items():

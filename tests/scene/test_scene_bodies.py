@@ -122,10 +122,7 @@ def load(folder, *overrides):
 
 @pytest.mark.parametrize("name", ["old.obj", "old.ply", "old.stl"])
 def test_mesh_files_in_an_old_encoding_are_accepted(folder, name):
-    """Text mesh files with bytes that are not UTF-8 are read.
-
-    Regression: the error was "No module named 'charset_normalizer'".
-    """
+    """Regression: the error was "No module named 'charset_normalizer'"."""
     scene = load(folder, f"bodies=[{{mesh='{name}', position=[0.5, 0.3, 0.5]}}]")
     vertices, triangles = placed(scene.bodies[0])
     assert np.allclose(np.ptp(vertices, axis=0), (0.4, 0.2, 0.4)) and len(triangles) == 12
