@@ -1,6 +1,5 @@
 """Tests of the commands as a user types them, in this process unless its start or end matters."""
 
-import csv
 import json
 import math
 import signal
@@ -14,6 +13,7 @@ import pytest
 
 from msph import parameter
 from msph.ending import unexpected
+from msph.measure.table import read
 from msph.scene import load_scene
 from msph.scene.library import shipped_scenes
 from msph.stage.preparation import mass_text
@@ -33,8 +33,6 @@ def test_scenes_lists_all_and_prints_one():
     ("arguments", "message"),
     [
         (["capture", "no_such_scene"], "no_such_scene: no such scene file or shipped scene"),
-        (["play", "pool", "--set", "box.sise=3"], "box.sise: unknown key; did you mean 'size'?"),
-        (["bench", "pool", "--set", "duration=soon"], "duration: input should be a valid number"),
         (["capture", "pool", "-o", "a.xyz"], "a.xyz: unknown kind of file"),
         (["capture", "pool", "--mesh", "a_%04d.mp4"], "known: .ply, .obj, .vtu"),
         (["capture", "pool", "--particles", "a.png"], "known: .npz, .csv, .vtu"),
@@ -58,7 +56,6 @@ def test_scenes_lists_all_and_prints_one():
         (["capture", "pool", "--seconds", "-1"], "-1.0 is not in the range 0<x<=1000000"),
         (["measure", "pool", "-o", "/dev/null/here"], "/dev/null/here: not a directory"),
         (["measure", "pool", "--every", "0"], "measure.every: input should be greater than"),
-        (["measure", "pool", "--every", "1e-300"], "measure.every: input should be greater than"),
         (["capture", "pool", "--seconds", "1e300", "-o", "x_%d.png"], "1e+300 is not in the range"),
         (
             ["capture", "pool", "--seconds", "1e6", "--fps", "100", "-o", "x_%d.png"],
@@ -84,7 +81,6 @@ def test_scenes_lists_all_and_prints_one():
             ["measure", "still", "--converge", "5", "--set", "layers.0.spacing=0.2"],
             "still with spacings multiplied by 4.00: layers.0: particles of 0.8 m do not fit",
         ),
-        (["bench", "pool", "--quality", "best"], "'best' is not one of 'auto', 'small'"),
         (["scenes", "pol"], "did you mean 'pool'?"),
         (["swim"], "No such command 'swim'"),
     ],
@@ -238,11 +234,6 @@ at = [0.2, 0.2]
 """
 
 
-def read_table(path):
-    with open(path, newline="") as file:
-        return list(csv.DictReader(file))
-
-
 def test_measure_writes_probes_ledger_and_a_summary(tmp_path):
     scene, out = write(tmp_path, TEXT + PROBES), tmp_path / "deep" / "out"
     result = here(
@@ -250,17 +241,16 @@ def test_measure_writes_probes_ledger_and_a_summary(tmp_path):
         *("--set", "measure.survey=0.04"),
     )
     assert result.returncode == 0, result.stderr
-    readings, ledger = read_table(out / "probes.csv"), read_table(out / "ledger.csv")
-    assert list(readings[0]) == ["time_s", "floor_Pa", "gauge_m"]
-    times = [float(row["time_s"]) for row in readings]
-    assert times == pytest.approx([0.0, 0.02, 0.04, 0.06, 0.08, 0.1])
+    readings, ledger = read(out / "probes.csv"), read(out / "ledger.csv")
+    assert list(readings) == ["time_s", "floor_Pa", "gauge_m"]
+    assert readings["time_s"] == pytest.approx([0.0, 0.02, 0.04, 0.06, 0.08, 0.1])
     # The water is 0.18 m deep.
-    assert float(readings[0]["floor_Pa"]) == pytest.approx(9810 * 0.18, rel=0.03)
-    assert float(readings[1]["floor_Pa"]) != 0.0
-    assert float(readings[0]["gauge_m"]) == pytest.approx(0.18, abs=0.01)
-    assert [float(row["time_s"]) for row in ledger] == pytest.approx(times)
-    assert float(ledger[0]["mass_kg"]) == pytest.approx(28.8, rel=0.02)
-    surveyed = [row["volume_m3"] != "" for row in ledger]
+    assert readings["floor_Pa"][0] == pytest.approx(9810 * 0.18, rel=0.03)
+    assert readings["floor_Pa"][1] != 0.0
+    assert readings["gauge_m"][0] == pytest.approx(0.18, abs=0.01)
+    assert ledger["time_s"] == pytest.approx(readings["time_s"])
+    assert ledger["mass_kg"][0] == pytest.approx(28.8, rel=0.02)
+    surveyed = np.isfinite(ledger["volume_m3"]).tolist()
     assert surveyed == [True, False, True, False, True, True]
     summary = json.loads((out / "summary.json").read_text())
     assert summary["complete"] and summary["failure"] is None and summary["method"] == "classic"
@@ -274,9 +264,8 @@ def test_measure_writes_probes_ledger_and_a_summary(tmp_path):
     assert errors["mass_laid_error"] == pytest.approx(laid, abs=1e-12)
     assert f" particles, {summary['mass_laid_kg']:.4g} kg" in result.stderr
     assert abs(errors["volume_error_last"]) < 0.3 and errors["energy_gain"] >= 0.0
-    kernel = [row["kernel_density_error_mean"] != "" for row in ledger]
-    assert kernel == surveyed
-    bulk = [float(row["bulk_density_mean"]) for row in ledger if row["bulk_density_mean"]]
+    assert np.isfinite(ledger["kernel_density_error_mean"]).tolist() == surveyed
+    bulk = ledger["bulk_density_mean"][np.isfinite(ledger["bulk_density_mean"])]
     assert errors["bulk_density_error_last"] == pytest.approx(bulk[-1] - 1.0, abs=1e-8)
     # The same figures are printed, with a caution for each that is beyond its limit.
     for words in (
@@ -287,7 +276,7 @@ def test_measure_writes_probes_ledger_and_a_summary(tmp_path):
         "limit",
     ):
         assert words in result.stdout
-    depth = 2.0 * np.mean([float(row["centre_y_m"]) for row in ledger])
+    depth = 2.0 * ledger["centre_y_m"].mean()
     assert summary["resolution"]["spacings_across_depth"] == pytest.approx(depth / 0.04, rel=1e-4)
     assert summary["limits"]["spacings_across_depth"] > depth / 0.04
     assert any("across the mean depth: " in caution for caution in summary["cautions"])

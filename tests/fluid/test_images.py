@@ -10,6 +10,7 @@ from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
 from msph.fluid.particles.images import image_capacity
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.projection.solver import Projection
+from tests.boundary_kit import boundary_of
 from tests.fluid.fluid_kit import lattice, listed, parts, simulate, spans, spec_of, sum_of_entries
 
 D = 0.04
@@ -68,9 +69,7 @@ def test_images_sum_to_the_share_and_only_particles_at_faces_have_links():
     balls of long blocks reach most particles, but only particles at their faces are linked."""
     (x, layer), size = water((12, 4, 12)), np.array((12, 8, 12)) * D
     bars = [Block(np.array((0.0, 0.0, z)), np.array((0.48, 0.3, z + D))) for z in (2 * D, 5 * D)]
-    sim = simulation(x, layer, tuple(size), bars)
-    apart = sim.boundary.free(x, 0.3 * D)
-    sim.close()
+    apart = boundary_of(size, [FINE, COARSE], bars).free(x, 0.3 * D)
     sim = simulation(x[apart], 0 * layer[apart], tuple(size), bars)
     sim.measure_density()
     total = sim.particles.numpy("gradient")
@@ -99,9 +98,7 @@ def test_ratios_of_meshes_are_smooth_where_their_shares_vanish():
     at the end of the kernel, ratios were random and had slopes of thousands per metre."""
     x, layer = water((12, 6, 9))
     size, mesh = (12 * D, 12 * D, 9 * D), bodies_at_walls()[2:]
-    sim = simulation(x, layer, size, mesh)
-    apart = sim.boundary.free(x, 0.06 * D)
-    sim.close()
+    apart = boundary_of(size, [FINE, COARSE], mesh).free(x, 0.06 * D)
     sim = simulation(x[apart], layer[apart], size, mesh)
     sim.measure_density()
     links = parts(sim).links
@@ -125,10 +122,8 @@ def test_links_hold_the_gradients_by_the_motion_of_bodies():
     """The bodies' shares, summed over the particles with weights, change by -U.G - W.T with the
     displacement U and the rotation W of a body."""
     (x, layer), size = water((12, 6, 9)), (12 * D, 12 * D, 9 * D)
-    sim = simulation(x, layer, size, bodies_at_walls())
     # Contact keeps particles this far from bodies at least.
-    apart = sim.boundary.free(x, 0.06 * D)
-    sim.close()
+    apart = boundary_of(size, [FINE, COARSE], bodies_at_walls()).free(x, 0.06 * D)
     sim = simulation(x[apart], layer[apart], size, bodies_at_walls())
     links, floating = parts(sim).links, sim.boundary.floating
     weights = np.random.default_rng(1).random(len(x))

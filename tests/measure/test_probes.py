@@ -30,9 +30,9 @@ def filled(jitter=0.0, keep=lambda x: x[:, 1] < LEVEL, d=D):
     return x + np.random.default_rng(4).uniform(-0.5, 0.5, x.shape) * jitter * d
 
 
-def snapshot(x, d=D, smoothing=2.0, pressure=None, **more):
+def snapshot(x, d=D, smoothing=2.0, pressure=None, free=lambda points, margin: True, **more):
     sizes = np.full(len(x), d), np.full(len(x), smoothing * d)
-    return Snapshot(x, pressure, *sizes, SIZE, lambda points, margin: True, **more)
+    return Snapshot(x, pressure, *sizes, SIZE, free, **more)
 
 
 PILLAR = np.array([(0.2, -1.0, 0.2), (0.44, 0.6, 0.44)])
@@ -48,8 +48,7 @@ def beside_pillar(points, margin):
 
 def round_pillar(keep=lambda x: x[:, 1] < LEVEL):
     x = filled(jitter=0.2, keep=lambda x: keep(x) & beside_pillar(x, 0.0))
-    sizes = np.full(len(x), D), np.full(len(x), 2.0 * D)
-    return Snapshot(x, field(x), *sizes, SIZE, beside_pillar, bodies=True)
+    return snapshot(x, pressure=field(x), free=beside_pillar, bodies=True)
 
 
 @pytest.mark.parametrize(
@@ -250,10 +249,9 @@ def sunk(body, tilt=0.0):
     boundary = boundary_of(SIZE, layer_specs(scene), [body])
     x = filled(0.2)
     x = x[boundary.free(x)]
-    sizes = np.full(len(x), D), np.full(len(x), 2.0 * D)
     pressure = (9810.0 * LEVEL + tilt * (0.4 - x[:, 0])) * (1.0 - x[:, 1] / LEVEL)
     more = {"bodies": True, "poses": (boundary.pose(0),)}
-    water = Snapshot(x, pressure, *sizes, SIZE, boundary.free, **more)
+    water = snapshot(x, pressure=pressure, free=boundary.free, **more)
     return ForceProbe.of("f", scene, "bodies.0"), water
 
 
