@@ -100,10 +100,11 @@ def test_files_that_cannot_be_written_are_refused(tmp_path):
 
 
 def test_a_file_that_existed_before_is_refused_unless_forced(tmp_path):
-    path, other = tmp_path / "a.png", tmp_path / "b.png"
+    other, path = tmp_path / "a.png", tmp_path / "b.png"
     path.write_text("a holiday")
-    with pytest.raises(ExistingFileError, match=r"a\.png: exists"):
+    with pytest.raises(ExistingFileError, match=r"b\.png: exists"):
         claim([other, path])
+    assert not other.exists()
     other.write_text("came meanwhile")
     with pytest.raises(ExistingFileError):
         replace(other, "frames")  # a refused claim claims nothing

@@ -156,6 +156,7 @@ def cases(scene, refusals):
         *cases(CUBE, OF_CUBE),
         *cases(TANK, OF_TANK),
     ],
+    ids=lambda given: "" if "[box]" in given else str(given)[:60],
 )
 def test_an_invalid_scene_gives_one_line_with_file_and_key(tmp_path, text, overrides, message):
     with pytest.raises(SceneError) as error:
