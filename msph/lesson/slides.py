@@ -12,6 +12,7 @@ from msph.lesson.paint import band_height
 from msph.lesson.student import Student, rehearse
 from msph.own_files import claim, replace, replacing
 from msph.picture.pixels import as_u8
+from msph.stage.link import Order
 from msph.stage.preparation import prepare_row
 from msph.stage.sheet import text_height
 
@@ -29,7 +30,7 @@ def write(course: Course, folder: Path, force: bool = False) -> list[Path]:
     if course.lesson.board:
         view = BoardView(SIZE, below)
     else:
-        row = prepare_row(course.scenes, course.labels, SIZE, None, below)
+        row = prepare_row(Order(course.scenes, course.labels), SIZE, below)
     guide = Guide(course, row, SIZE)
     guide.band.keys = guide.reasons.keys = False
     student, lesson = Student(guide.progress, row), course.lesson

@@ -20,6 +20,7 @@ from msph.lesson.paint import LETTERS
 from msph.lesson.schema import SliderOf
 from msph.lesson.student import FRAME, Student, rehearse
 from msph.own_files import claim, replace
+from msph.stage.link import Order
 from msph.stage.preparation import prepare_row
 
 TEMPLATE = Path(__file__).with_name("page.html")
@@ -78,7 +79,7 @@ def in_script(data: Any) -> str:
 
 def in_water(course: Course) -> list[str]:
     """Returns the HTML of each task with a video of its solution."""
-    row = prepare_row(course.scenes, course.labels, SIZE)
+    row = prepare_row(Order(course.scenes, course.labels), SIZE)
     progress, frames = LessonProgress(course, row), list[np.ndarray]()
     count = 0
 

@@ -18,11 +18,11 @@ from msph.scene import load_scene
 from msph.scene.quality import with_spacings
 from msph.scene.schema import Scene
 from msph.scene.water import layer_specs
+from msph.stage.link import Order
 from msph.stage.loaded_scene import LoadedScene, at, exclude, options_of, with_input
 from msph.stage.loop import run as run_loop
-from msph.stage.preparation import prepare, say
+from msph.stage.preparation import prepare_row, say
 from msph.stage.recorded_input import Recording, with_recording
-from msph.stage.row import Row
 from msph.stage.show import Show
 
 # Output file of a convergence study.
@@ -69,16 +69,18 @@ def measured(
     """Measures one run of a scene from its start, or from a checkpoint `resume` at time `since`
     [s], with the input of a recording, if any; writes the results to a folder and prints the file
     names."""
-    scene, show, how = loaded.scene, None, options_of(recording, resume)
+    scene, row = loaded.scene, None
+    options = {**options_of(recording, resume), "timings": Timings()}
+    order = Order([scene], options=options, frame_time=scene.measure.every)
     if resume:
         # Before any file is written, as a checkpoint of another scene must not destroy the folder.
-        show = prepare(scene, scene.measure.every, timings=Timings(), **how)
-        show.resume(Path(resume))
+        row = prepare_row(order)
+        row.lead.resume(Path(resume))
     measurement = Measurement(folder, scene, loaded.name, loaded.arch, since=since)
     replace(folder / SCENE, loaded.toml())
     try:
-        show = show or prepare(scene, scene.measure.every, timings=Timings(), **how)
-        run_loop(Row([show]), with_input(measurement, recording))
+        row = row or prepare_row(order)
+        run_loop(row, with_input(measurement, recording))
     except (Exception, KeyboardInterrupt) as error:
         try:
             measurement.conclude(str(error) or "interrupted")
@@ -89,7 +91,7 @@ def measured(
             say(f"--resume {folder / CHECKPOINT} continues the run")
         raise
     paths = measurement.conclude()
-    show.close()
+    row.close()
     paths += plot(folder, f"{scene.title or loaded.name}, quality {loaded.quality}")
     for path in paths:
         click.echo(path)

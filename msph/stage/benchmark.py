@@ -206,7 +206,7 @@ def benchmark_play(
 ) -> PlayResult:
     """Plays a scene for `seconds` [s] of wall-clock time as a window of `size` does; arch, threads:
     of the simulation's process."""
-    scene, order = loaded.scene, Order([loaded.scene], [""], whole=True)
+    scene, order = loaded.scene, Order([loaded.scene], whole=True)
     with Remote(*start_simulations(arch, threads)) as remote:
         row = remote.row(order, size)
         ready, lead = process_age(), row.lead

@@ -235,8 +235,7 @@ def record(
         claim([scene_path], options.force)
     order = Order(
         [loaded.scene],
-        [""],
-        Files(
+        files=Files(
             record=options.record_input,
             header=Header.of(loaded.name, loaded.quality, loaded.overrides),
             replay=recording,
@@ -248,7 +247,7 @@ def record(
     )
     still = None if options.still_time is None else max(1, round(options.still_time * fps))
     with Remote(*process) if process else contextlib.nullcontext() as remote:
-        row = remote.row(order, options.size) if remote else prepare_row(**order.shows, size=size)
+        row = remote.row(order, options.size) if remote else prepare_row(order, size)
         recorder = Recorder(files, frames, fps, still, first=first, sampled=recording is not None)
         recorder.aspect = options.size[0] / options.size[1]
         audience, witnesses = (recorder, []) if remote else with_files(recorder, row, order)

@@ -13,7 +13,8 @@ from msph.scene.parts import PARTS, Part
 from msph.scene.schema import Scene
 from msph.stage.benchmark import FRAME_TIME, SIZE, STAGES
 from msph.stage.controls import Controls
-from msph.stage.preparation import prepare
+from msph.stage.link import Order
+from msph.stage.preparation import prepare_row
 from msph.stage.show import Show
 
 # Simulated time of a run [s], and number of first frames without timing (caches fill).
@@ -41,7 +42,8 @@ def begin(scene: Scene) -> Run:
     kernels: list[str] = []
     since = time.perf_counter()
     with watch_compiling(kernels.append):
-        show = prepare(scene, FRAME_TIME, SIZE, timings=Timings())
+        options = {"timings": Timings()}
+        show = prepare_row(Order([scene], options=options, frame_time=FRAME_TIME), SIZE).lead
     return Run(show, time.perf_counter() - since, len(kernels))
 
 

@@ -39,14 +39,15 @@ class Files:
 
 @dataclass(frozen=True)
 class Order:
-    """Scenes to run side by side. whole: compile all kernels at the start; options: of each Show;
-    frame_time: simulated time of a frame [s], None for that of play.fps; frames: number of frames
-    to run, None for no limit; numbers: builds the object from a Show whose attributes are the
-    numbers of Wanted; restart: message where an unstable simulation begins again, "" if it ends the
-    run; serial: number of this order, from 1."""
+    """Scenes to run side by side, with labels ("" for none). whole: compile all kernels at the
+    start, otherwise some in later frames; options: of each Show; frame_time: simulated time of a
+    frame [s], None for that of play.fps; frames: number of frames to run, None for no limit;
+    numbers: builds the object from a Show whose attributes are the numbers of Wanted; restart:
+    message where an unstable simulation begins again, "" if it ends the run; serial: number of this
+    order, from 1."""
 
     scenes: list[Scene]
-    labels: list[str]
+    labels: list[str] = field(default_factory=lambda: [""])
     files: Files = field(default_factory=Files)
     whole: bool = False
     options: dict[str, Any] = field(default_factory=lambda: INTERACTIVE)
@@ -56,11 +57,9 @@ class Order:
     restart: str = ""
     serial: int = 0
 
-    @property
-    def shows(self) -> dict[str, Any]:
-        """Returns the arguments of built_row() for this order, except for images and report."""
-        names = "scenes", "labels", "whole", "frame_time", "restart", "options"
-        return {name: getattr(self, name) for name in names}
+    def frame_time_of(self, place: int) -> float:
+        """Returns the simulated time of a frame of a scene [s]."""
+        return self.frame_time or 1.0 / self.scenes[place].play.fps
 
 
 @dataclass(frozen=True)
@@ -84,11 +83,10 @@ class Doing:
 
 @dataclass(frozen=True)
 class Ready:
-    """The simulations are built. names, capacities: of the SharedArrays of each; about: number of
-    particles and mass of each; an Answer with the initial state follows."""
+    """The simulations are built. names: of the SharedArrays of each; about: number of particles and
+    mass of each; an Answer with the initial state follows."""
 
     names: list[str]
-    capacities: list[int]
     about: list[str]
 
 

@@ -5,7 +5,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from typing import Any, Protocol
+from typing import Protocol
 
 from tqdm import tqdm
 
@@ -14,9 +14,9 @@ from msph.measure.summary import water_mass
 from msph.measure.timings import Timings
 from msph.scene.check import cautions
 from msph.scene.effort import effort
-from msph.scene.schema import Scene
+from msph.stage.link import Order
 from msph.stage.row import KEPT_FRAMES, Row
-from msph.stage.show import INTERACTIVE, Show
+from msph.stage.show import Show
 
 # The default lock is a semaphore of the system, which a killed process would leave behind.
 tqdm.set_lock(threading.RLock())
@@ -34,12 +34,12 @@ def say(text: str) -> None:
     tqdm.write(text, file=sys.stderr)
 
 
-def prepare(scene: Scene, frame_time: float, *more, **options) -> Show:
-    """Builds a show and describes it; see built()."""
+def prepare_row(order: Order, size: tuple[int, int] | None = None, below: int = 0) -> Row:
+    """Builds the simulations of an order in this process, and describes them; see built_row()."""
     begin = time.perf_counter()
-    show = built(scene, frame_time, *more, **options)
-    say_ready(begin, [described(show)])
-    return show
+    row = built_row(order, size, below=below)
+    say_ready(begin, [described(show) for show in row.shows])
+    return row
 
 
 def say_ready(begin: float, about: list[str]) -> None:
@@ -48,25 +48,30 @@ def say_ready(begin: float, about: list[str]) -> None:
         say(f"ready in {time.perf_counter() - begin:.1f} s, {text}")
 
 
-def built(
-    scene: Scene,
-    frame_time: float,
+def built_row(
+    order: Order,
     size: tuple[int, int] | None = None,
     report: Report | None = None,
-    whole: bool = False,
-    since: float | None = None,
-    **options,
-) -> Show:
-    """Builds a show with its options, and compiles its kernels; without `whole`, some of them in
-    later frames."""
-    if report:
-        report("building the scene", important=True)
-    for caution in (*cautions(scene), *effort(scene)):
-        say(f"warning: {caution}")
-    with compiling(report, since):
-        show = Show(scene, frame_time, size, **options)
-        show.warm_up(first_image=not whole)
-    return show
+    below: int = 0,
+) -> Row:
+    """Builds the simulations of an order and compiles their kernels. Their images with labels below
+    them, if any, form an image of size (width, height) [pixels] with `below` free pixels at the
+    lower edge."""
+    since = time.perf_counter()
+
+    def build(k: int, each: tuple[int, int] | None) -> Show:
+        scene, told = order.scenes[k], named(report, place(order.labels[k], k, len(order.scenes)))
+        if told:
+            told("building the scene", important=True)
+        for caution in (*cautions(scene), *effort(scene)):
+            say(f"warning: {caution}")
+        options = {"timings": Timings(keep=KEPT_FRAMES), **order.options}
+        with compiling(told, since):
+            show = Show(scene, order.frame_time_of(k), each, **options)
+            show.warm_up(first_image=not order.whole)
+        return show
+
+    return Row.arranged(build, order.labels, size, below, order.restart)
 
 
 def described(show: Show) -> str:
@@ -76,38 +81,6 @@ def described(show: Show) -> str:
     return text + (
         f"; {left_out:,} inside bodies or outside the container omitted" if left_out else ""
     )
-
-
-def prepare_row(scenes: list[Scene], *more, **options) -> Row:
-    """Builds a row; see built_row()."""
-    begin = time.perf_counter()
-    row = built_row(scenes, *more, **options)
-    say_ready(begin, [described(show) for show in row.shows])
-    return row
-
-
-def built_row(
-    scenes: list[Scene],
-    labels: list[str],
-    size: tuple[int, int] | None,
-    report: Report | None = None,
-    below: int = 0,
-    whole: bool = False,
-    frame_time: float | None = None,
-    restart: str = "",
-    options: dict[str, Any] = INTERACTIVE,
-) -> Row:
-    """Builds simulations with their labels below them, in an image of size (width, height) [pixels]
-    with `below` free pixels at the lower edge. whole: see built(); frame_time: simulated time of a
-    frame [s], by default that of play.fps; restart: see Row; options: of Show."""
-    since = time.perf_counter()
-
-    def build(k: int, each: tuple[int, int] | None) -> Show:
-        told = named(report, place(labels[k], k, len(scenes)))
-        length, timings = frame_time or 1.0 / scenes[k].play.fps, Timings(keep=KEPT_FRAMES)
-        return built(scenes[k], length, each, told, whole, since, timings=timings, **options)
-
-    return Row.arranged(build, labels, size, below, restart)
 
 
 def place(label: str, k: int, number: int) -> str:

@@ -91,9 +91,9 @@ class Remote:
                 show.warm_up(order.whole)
             ready = self._wait_for(Ready, tell, begin)
         self.building = False
-        for show, capacity, name in zip(self.shows, ready.capacities, ready.names, strict=True):
+        for show, name in zip(self.shows, ready.names, strict=True):
             try:
-                show.arrays = SharedArrays(capacity, name)
+                show.arrays = SharedArrays(show.state.plan.max_particles, name)
             except FileNotFoundError:
                 raise self._lost() from None
         self._take(self._wait_for(Answer, tell, begin))
@@ -183,7 +183,7 @@ class RemoteShow(ShownScene):
         scene = order.scenes[place]
         super().__init__(scene)
         self.remote, self.place, self.size = remote, place, size
-        self.frame_time = order.frame_time or 1.0 / scene.play.fps
+        self.frame_time = order.frame_time_of(place)
         self.timings = Timings(keep=KEPT_FRAMES)
         spare, room = (order.options.get(name, 0) for name in ("spare", "room"))
         self.interactive = order.options.get("interactive", False)

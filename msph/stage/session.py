@@ -86,7 +86,7 @@ class Session:
         """Returns the finest quality in real time."""
 
         def build(tried: Scene, report: Report | None) -> Row:
-            return self.remote.row(Order([tried], [""], whole=True), self.window.size, report)
+            return self.remote.row(Order([tried], whole=True), self.window.size, report)
 
         return finest_in_real_time(scene, choice.scene, self.window, build)
 

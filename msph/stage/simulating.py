@@ -49,7 +49,7 @@ def _run(order: Order, connection: Connection) -> None:
 
     autosave = Autosave(files.autosave) if files.autosave else None
     try:
-        row = built_row(**order.shows, size=None, report=report)
+        row = built_row(order, report=report)
         follower = Follower(row, connection.recv, tell, order)
         with watch_compiling(lambda name: report(f"compiling {name}")):
             audience, witnesses = with_files(follower, row, order, autosave)
@@ -115,15 +115,14 @@ class Follower(Audience):
         self.row, self.wait, self.tell, frames = row, wait, tell, order.frames
         self.progress = Progress(frames, False, explained=True) if frames else None
         self.numbers = [order.numbers(show) if order.numbers else None for show in row.shows]
-        self.capacities = [show.simulation.plan.max_particles for show in row.shows]
-        self.arrays = [SharedArrays(capacity) for capacity in self.capacities]
+        self.arrays = [SharedArrays(show.simulation.plan.max_particles) for show in row.shows]
         self.senders = [Sender(show.state) for show in row.shows]
         self.index, self.given = 0, Command(Controls(), [])
 
     def begin(self) -> None:
         """Tells the window that the row is ready, and sends the initial state."""
         names = [arrays.name for arrays in self.arrays]
-        self.tell(Ready(names, self.capacities, [described(show) for show in self.row.shows]))
+        self.tell(Ready(names, [described(show) for show in self.row.shows]))
         self.observe(self.row)
 
     def wants_more(self, row: Row) -> bool:

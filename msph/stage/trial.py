@@ -16,6 +16,7 @@ from msph.scene.errors import SceneError
 from msph.scene.quality import at_quality, single_quality_reason
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls
+from msph.stage.link import Order
 from msph.stage.pacer import PLANNED, RATES, SCALES
 from msph.stage.preparation import Report, named, prepare_row, say
 from msph.stage.row import Row
@@ -32,7 +33,7 @@ Build = Callable[[Scene, Report | None], Row]
 
 def build_here(scene: Scene, report: Report | None) -> Row:
     """Builds a scene as for a window, in this process."""
-    return prepare_row([scene], [""], SIZE, report, whole=True)
+    return prepare_row(Order([scene], whole=True), SIZE)
 
 
 def finest_in_real_time(

@@ -4,6 +4,7 @@ from msph.lesson.course import LessonProgress
 from msph.lesson.load import load_lesson, shipped_lessons
 from msph.lesson.student import FRAME, Student
 from msph.stage.controls import Controls
+from msph.stage.link import Order
 from msph.stage.preparation import prepare_row
 
 LESSONS = tuple(shipped_lessons())
@@ -14,7 +15,7 @@ def prepared(course, size=None):
     """Returns the simulations of a lesson, or None for a lesson with a board."""
     if course.lesson.board:
         return None
-    return prepare_row(course.scenes, ["" for _ in course.scenes], size)
+    return prepare_row(Order(course.scenes, ["" for _ in course.scenes]), size)
 
 
 def answered(course, size=None):

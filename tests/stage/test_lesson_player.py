@@ -13,6 +13,7 @@ from msph.stage import idle
 from msph.stage.choice import Choice, SceneArguments
 from msph.stage.keys import ACTIONS
 from msph.stage.layout import Layout
+from msph.stage.link import Order
 from msph.stage.page import Page
 from msph.stage.player import Player
 from msph.stage.preparation import named, place, prepare_row
@@ -28,7 +29,7 @@ def course():
 
 @pytest.fixture(scope="module")
 def row(course):
-    return prepare_row(course.scenes, [""], SIZE, None, band_height(text_height(HEIGHT)))
+    return prepare_row(Order(course.scenes), SIZE, band_height(text_height(HEIGHT)))
 
 
 @pytest.fixture(scope="module")
@@ -106,7 +107,7 @@ def test_a_pool_of_the_lesson_pressure_stays_tilted_while_its_water_flows(layout
     """Regression: the pool came level when the key was up, and its water ran to one side while it
     was down, so that the task could not be completed."""
     course = load_lesson("pressure")
-    row = prepare_row(course.scenes, [""], SIZE, None, band_height(text_height(HEIGHT)))
+    row = prepare_row(Order(course.scenes), SIZE, band_height(text_height(HEIGHT)))
     guide = Guide(course, row, SIZE)
     player = Player(Screen(), row, Choice("a", "large"), layout, SceneArguments("a"), guide)
     player.saver.folder = tmp_path

@@ -13,7 +13,7 @@ from msph.scene import load_scene
 from msph.scene.library import shipped_scenes
 from msph.stage import menu, session, trial
 from msph.stage.choice import Choice, SceneArguments
-from msph.stage.preparation import prepare_row
+from msph.stage.preparation import built_row
 from msph.stage.session import Session
 from msph.stage.window import ClosedError
 from msph.taichi_internals import PLAIN
@@ -43,7 +43,7 @@ class Here(contextlib.nullcontext):
     """Double of a Remote that runs simulations in this process."""
 
     def row(self, order, size, report):
-        return prepare_row(order.scenes, order.labels, size, report)
+        return built_row(order, size, report)
 
 
 @pytest.fixture(autouse=True)

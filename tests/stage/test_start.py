@@ -18,7 +18,8 @@ from taichi.lang.ast.ast_transformer_utils import Builder
 from msph.launches import watch_compiling
 from msph.scene import load_scene
 from msph.stage.controls import Controls
-from msph.stage.preparation import prepare
+from msph.stage.link import Order
+from msph.stage.preparation import prepare_row
 build, nodes, kernels = Builder.__call__, [0], []
 
 def count(self, context, node):
@@ -30,7 +31,7 @@ for name in sys.argv[1:]:
     kernels.clear()
     nodes[0] = 0
     with watch_compiling(kernels.append):
-        show = prepare(load_scene(name), 1 / 30, (960, 540))
+        show = prepare_row(Order([load_scene(name)], options={}), (960, 540)).lead
         show.frame(Controls())
     show.close()
     print(len(kernels), nodes[0])
