@@ -8,8 +8,8 @@ import taichi as ti
 from msph.lesson.course import LessonProgress
 from msph.lesson.guide import Guide
 from msph.picture.pixels import Image
+from msph.stage.ggui_window import Window
 from msph.stage.keys import ACTIONS
-from msph.stage.window import Window
 
 
 class BoardView:

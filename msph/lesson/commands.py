@@ -20,6 +20,7 @@ from msph.lesson.slides import write as write_slides
 from msph.options import AS_GIVEN, RunOptions
 from msph.scene.load import read_toml
 from msph.stage.choice import Choice, SceneArguments
+from msph.stage.ggui_window import Window
 from msph.stage.layout import Layout
 from msph.stage.link import Order
 from msph.stage.loop import run as run_loop
@@ -28,7 +29,7 @@ from msph.stage.player import Player
 from msph.stage.process import simulations
 from msph.stage.remote import Remote
 from msph.stage.sheet import text_height
-from msph.stage.window import ClosedError, NoWindowError, Window, check_display
+from msph.stage.window import ClosedError, NoWindowError, check_display
 
 # Keys that are listed while a lesson is prepared.
 KEYS = (

@@ -16,14 +16,7 @@ from msph.picture.pixels import pack
 from msph.stage.keys import ACTIONS, KEYS
 from msph.stage.lost_display import DisplayGuard
 from msph.stage.start_screen import StartScreen
-from msph.stage.window import (
-    ARROWS,
-    BUTTONS,
-    REPORT_INTERVAL,
-    ClosedError,
-    NoWindowError,
-    check_display,
-)
+from msph.stage.window import ARROWS, BUTTONS, ClosedError, NoWindowError, check_display
 from msph.stage.x11_pointer import X11Pointer
 from msph.taichi_internals import set_image
 
@@ -31,6 +24,8 @@ TITLE = "M-SPH"  # title, by which the window is found on the X server
 MARKER_RADIUS = 0.008  # radius of the cursor's marker over the window's height
 # Line width of arrows over the window's height; length of a tip over the arrow's length.
 STROKE, TIP = 0.006, 0.22
+# Least time between two progress reports [s]: each takes milliseconds to display.
+REPORT_INTERVAL = 0.1
 # File that GGUI writes to the working directory; removed if it is new.
 SETTINGS = Path("imgui.ini")
 
@@ -38,8 +33,9 @@ SETTINGS = Path("imgui.ini")
 FIRST_KEYS = tuple((key.label, key.effect) for key in KEYS if key.hint)
 
 
-class GguiWindow:
-    """Window of GGUI. keys: keys and their effects on the start screen. Raises NoWindowError."""
+class Window:
+    """Window of GGUI of size (width, height) [pixels]. Positions are (right, up) in shares of it.
+    keys: keys and their effects on the start screen. Raises NoWindowError."""
 
     def __init__(
         self, title: str, size: tuple[int, int], keys: tuple[tuple[str, str], ...] = FIRST_KEYS
@@ -64,10 +60,14 @@ class GguiWindow:
         self.begin(title)
 
     def begin(self, title: str) -> None:
+        """Shows the start screen with the title of a scene until the next image."""
         self.start, self.reported = StartScreen(self.size, title, self.keys), -math.inf
         self.report("building the scene")
 
     def report(self, doing: str, important: bool = False) -> None:
+        """Shows a progress message on the start screen; within REPORT_INTERVAL of another one only
+        if it is `important`. Raises ClosedError if the user has pressed quit or closed the window;
+        other keys are kept for the next presses()."""
         now = time.perf_counter()
         if now - self.reported < REPORT_INTERVAL and not important:
             return
@@ -81,24 +81,31 @@ class GguiWindow:
 
     @property
     def open(self) -> bool:
+        """True until the user closes the window."""
         return self.window.running
 
     def presses(self) -> list[str]:
+        """Returns the keys and buttons pressed since the last call."""
         pressed = [event.key for event in self.window.get_events(ti.ui.PRESS)]
         if any(button in pressed for button in BUTTONS):
             self.pressed_at = self.window.get_cursor_pos()
+            if self.pointer:
+                self.pointer.press()
         pressed, self.waiting = [*self.waiting, *pressed], []
         return pressed
 
     def down(self, *keys: str) -> bool:
+        """Returns True if any of these keys and buttons is down."""
         return self.window.is_pressed(*keys)
 
     @property
     def aspect(self) -> float:
+        """Width over height on the screen; differs from the image's after a resize."""
         width, height = self.window.get_window_shape()
         return width / max(height, 1)
 
     def cursor(self) -> np.ndarray:
+        """Returns the position of the cursor, (2,)."""
         cursor = self.window.get_cursor_pos()
         if cursor != self.pressed_at:
             self.pressed_at = None
@@ -108,11 +115,12 @@ class GguiWindow:
         return np.array(cursor)
 
     def mark(self, cursor: np.ndarray) -> None:
-        # Needed since GGUI hides the cursor while the left button is down.
+        """Draws a marker on the next image: GGUI hides the cursor while the left button is down."""
         self.marker[0] = cursor.tolist()
         self.marked = True
 
     def arrows(self, places: np.ndarray) -> None:
+        """Draws arrows on the next image; places: begin and end of each, (k, 2, 2)."""
         for k, (begin, end) in enumerate(places[: len(ARROWS)]):
             along = end - begin
             aside = np.array([-along[1], along[0]])
@@ -122,6 +130,8 @@ class GguiWindow:
         self.arrowed = len(places)
 
     def show(self, image: ti.Field | np.ndarray) -> None:
+        """Presents an image with marker and arrows, and waits for the display. image: an Image
+        (msph.picture.pixels), or packed pixels (width, height) int32; index [right, up]."""
         if isinstance(image, np.ndarray):
             self.words = image
         else:
@@ -137,6 +147,7 @@ class GguiWindow:
             self.window.show()
 
     def again(self) -> None:
+        """Shows the last image again."""
         self.show(self.words)
 
     def close(self) -> None:

@@ -3,7 +3,7 @@
 import contextlib
 import shlex
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -15,7 +15,10 @@ from msph.stage.choice import SceneArguments
 from msph.stage.lost_display import completing
 from msph.stage.process import Started, simulations
 from msph.stage.recorded_input import with_recording
-from msph.stage.window import ClosedError, NoWindowError, Window, check_display
+from msph.stage.window import ClosedError, NoWindowError, check_display
+
+if TYPE_CHECKING:
+    from msph.stage.ggui_window import Window
 
 # Largest number of simulations side by side; more images would be too narrow.
 MAX_SIMULATIONS = 3
@@ -68,15 +71,15 @@ def play(scene: str | None, options: PlayOptions, run: RunOptions) -> None:
 
 def opened(
     ends: contextlib.ExitStack, process: Started | None, run: RunOptions, *window: Any
-) -> Window:
+) -> "Window":
     """Opens a window until `ends` closes, while the process of its simulations, if any, starts;
-    window: see GguiWindow. Raises NoWindowError, and ClosedError if the user closes the window at
+    window: see Window. Raises NoWindowError, and ClosedError if the user closes the window at
     once."""
     if process:
         ends.enter_context(completing(process[0].kill))
     start(run.arch, run.threads)
     with importing():
-        from msph.stage.ggui_window import GguiWindow
-    found = GguiWindow(*window)
+        from msph.stage.ggui_window import Window
+    found = Window(*window)
     ends.callback(found.close)
     return found

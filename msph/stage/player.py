@@ -13,6 +13,7 @@ from msph.stage.autosave import LostSession, forget
 from msph.stage.choice import Choice, SceneArguments
 from msph.stage.clip import Clip
 from msph.stage.controls import Controls
+from msph.stage.ggui_window import Window
 from msph.stage.idle import Idle
 from msph.stage.input_overlay import InputOverlay
 from msph.stage.keepsakes import SAVING, Saver
@@ -25,7 +26,7 @@ from msph.stage.row import Row, show_with_picked
 from msph.stage.steering import Steering
 from msph.stage.toolbar import toolbar
 from msph.stage.tools import BY_NAME
-from msph.stage.window import BUTTONS, Window
+from msph.stage.window import BUTTONS
 
 SLOW_MOTION = 0.1  # simulated over wall-clock time in slow motion
 PRESENT_GROWTH = 1.01  # growth per frame of the estimated time to present a frame

@@ -8,6 +8,7 @@ from msph.scene.quality import at_quality
 from msph.scene.schema import Scene
 from msph.stage.autosave import About, Autosave, lost_session
 from msph.stage.choice import Choice, SceneArguments
+from msph.stage.ggui_window import Window
 from msph.stage.layout import Layout
 from msph.stage.link import Files, Order
 from msph.stage.loop import run
@@ -18,7 +19,6 @@ from msph.stage.recorded_input import Header
 from msph.stage.remote import Remote
 from msph.stage.row import Row
 from msph.stage.trial import finest_in_real_time, forget
-from msph.stage.window import Window
 
 # Time below real time [s] after which the quality that was found for the scene is forgotten.
 SLOW = 10.0

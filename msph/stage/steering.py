@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from msph.stage.controls import ToolUse
+from msph.stage.ggui_window import Window
 from msph.stage.row import Row
 from msph.stage.tools import TOOLS
 from msph.stage.water_cursor import WaterCursor
-from msph.stage.window import BUTTONS, Window
+from msph.stage.window import BUTTONS
 
 ORBIT_PER_WIDTH = math.radians(200.0)  # orbit of a drag across the window's width [rad]
 ORBIT_KEY_RATE = math.radians(70.0)  # [rad/s]

@@ -16,11 +16,11 @@ from msph.scene.errors import SceneError
 from msph.scene.quality import at_quality, single_quality_reason
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls
+from msph.stage.ggui_window import Window
 from msph.stage.link import Order
 from msph.stage.pacer import PLANNED, RATES, SCALES
 from msph.stage.preparation import Report, named, prepare_row, say
 from msph.stage.row import Row
-from msph.stage.window import Window
 
 # Wall-clock time of a trial [s], number of frames before it (compilation), and image size without a
 # window [pixels].
