@@ -4,9 +4,10 @@ continues after a crash."""
 import contextlib
 import json
 import os
+import threading
 import time
-from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import asdict, dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from msph.measure.past import read_state
 from msph.scene.errors import SceneError
 from msph.stage.choice import Choice, SceneArguments, full_name
 from msph.stage.loop import Witness
+from msph.stage.recorded_input import Header
 from msph.stage.row import Row
 from msph.stage.show import SESSION
 from msph.stage.window import ClosedError
@@ -29,46 +31,43 @@ INTERVAL = 5.0
 PREFIX = "session_"
 # Normal ends of a session by an exception.
 ENDINGS = (ClosedError, KeyboardInterrupt)
+# What the file of a session says of it: what it runs, and live parameters changed by the user.
+SAVED = TypeAdapter(tuple[Header, dict[str, float]])
 
 
-@dataclass(frozen=True)
-class About:
-    """Description of a session: version of the program, time of the start, scene, quality,
-    overrides on the command line, and live parameters changed by the user."""
-
-    msph: str
-    began: str
-    scene: str
-    quality: str
-    overrides: tuple[str, ...]
-    set: dict[str, float] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, choice: Choice, arguments: SceneArguments, began: str) -> "About":
-        """Returns the description of a choice, without changes by the user."""
-        names = full_name(choice.scene), choice.quality_now, arguments.overrides_of(choice.scene)
-        return cls(VERSION, began, *names)
+@contextlib.contextmanager
+def session_file() -> Iterator[Path]:
+    """Context with the path of this session's file, which is removed at the end, except after an
+    error."""
+    path = folder() / f"{PREFIX}{os.getpid()}_{time.time_ns()}.npz"
+    try:
+        yield path
+    except BaseException as error:
+        if isinstance(error, ENDINGS):
+            path.unlink(missing_ok=True)
+        raise
+    path.unlink(missing_ok=True)
 
 
-class Autosave:
-    """File of this session. As a context it removes the file at the end, except after an error."""
+class Autosaver(Witness):
+    """Saves the state of the simulation every INTERVAL; another thread writes a copy of it. header:
+    what the session runs."""
 
-    def __init__(self, path: Path | None = None):
-        self.began = time.strftime("%H:%M")
-        self.path = path or folder() / f"{PREFIX}{os.getpid()}_{time.time_ns()}.npz"
-        self.writer = ThreadPoolExecutor(1)
+    def __init__(self, path: Path, header: Header):
+        self.path, self.header = path, header
+        self.last, self.time = time.perf_counter(), 0.0
+        self.writer: threading.Thread | None = None
 
-    def __enter__(self) -> "Autosave":
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *_) -> None:
-        self.writer.shutdown()
-        if kind is None or issubclass(kind, ENDINGS):
-            self.path.unlink(missing_ok=True)
-
-    def write(self, about: About, state: dict[str, Any]) -> Future:
-        """Begins to write a state and its description."""
-        return self.writer.submit(self._write, {**state, SESSION: json.dumps(asdict(about))})
+    def observe(self, row: Row) -> None:
+        lead, now = row.lead, time.perf_counter()
+        busy = self.writer is not None and self.writer.is_alive()
+        if busy or now - self.last < INTERVAL or lead.simulation.time == self.time:
+            return
+        self.last, self.time = now, lead.simulation.time
+        about = json.dumps([asdict(self.header), lead.changes()])
+        state = {**lead.simulation.state(), SESSION: about}
+        self.writer = threading.Thread(target=self._write, args=(state,))
+        self.writer.start()
 
     def _write(self, state: dict[str, Any]) -> None:
         part = self.path.with_suffix(".part")
@@ -80,42 +79,24 @@ class Autosave:
             part.replace(self.path)
 
 
-class Autosaver(Witness):
-    """Saves the state of the simulation every INTERVAL; another thread writes a copy of it."""
-
-    def __init__(self, file: Autosave, about: About):
-        self.file, self.about = file, about
-        self.last, self.time = time.perf_counter(), 0.0
-        self.writing: Future | None = None
-
-    def observe(self, row: Row) -> None:
-        lead, now = row.lead, time.perf_counter()
-        busy = self.writing is not None and not self.writing.done()
-        if busy or now - self.last < INTERVAL or lead.simulation.time == self.time:
-            return
-        self.last, self.time = now, lead.simulation.time
-        about = replace(self.about, set=lead.changes())
-        self.writing = self.file.write(about, lead.simulation.state())
-
-
 @dataclass(frozen=True)
 class LostSession:
-    """A session that ended by a crash."""
+    """A session that ended by a crash: its file, what it ran, and the live parameters that the user
+    had changed."""
 
     path: Path
-    about: About
+    header: Header
+    set: dict[str, float] = field(default_factory=dict)
 
     @property
     def offer(self) -> str:
-        about = self.about
-        return (
-            f"Enter continues {Path(about.scene).stem} of {about.began}, any other key deletes it"
-        )
+        began = time.strftime("%H:%M", time.localtime(int(self.path.stem.split("_")[2]) / 1e9))
+        name = Path(self.header.scene).stem
+        return f"Enter continues {name} of {began}, any other key deletes it"
 
     @property
     def choice(self) -> Choice:
-        about = self.about
-        return Choice(about.scene, about.quality, about.set, resume=self.path)
+        return Choice(self.header.scene, self.header.quality, self.set, resume=self.path)
 
 
 def folder() -> Path:
@@ -126,12 +107,12 @@ def folder() -> Path:
 def lost_session(arguments: SceneArguments) -> LostSession | None:
     """Returns the last session that ended by a crash and can go on with these arguments."""
     for path in sorted(_left(), key=lambda p: p.stat().st_mtime, reverse=True):
-        about = _about(path)
-        if about and about.msph == VERSION:
-            with contextlib.suppress(SceneError):
-                full_name(about.scene)
-                if about.overrides == arguments.overrides_of(about.scene):
-                    return LostSession(path, about)
+        # Damaged files, other versions, and scenes that are gone or called otherwise.
+        with contextlib.suppress(ValueError, KeyError, SceneError):
+            header, changes = SAVED.validate_json(str(read_state(path)[SESSION]))
+            same = header.overrides == arguments.overrides_of(full_name(header.scene))
+            if same and header.msph == VERSION:
+                return LostSession(path, header, changes)
     return None
 
 
@@ -154,11 +135,3 @@ def _in_use(path: Path) -> bool:
         return process.create_time() <= path.stat().st_mtime
     except (psutil.NoSuchProcess, ValueError, OSError):
         return False
-
-
-def _about(path: Path) -> About | None:
-    """Returns the description of a session, None if its file is damaged."""
-    try:
-        return TypeAdapter(About).validate_json(str(read_state(path)[SESSION]))
-    except (ValueError, KeyError):
-        return None

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from msph.scene.schema import Scene
-from msph.stage.autosave import About
 from msph.stage.controls import Controls
 from msph.stage.recorded_input import Header, Recording
 from msph.stage.show import INTERACTIVE
@@ -26,11 +25,10 @@ END = "end"
 @dataclass(frozen=True)
 class Files:
     """Files of a session that the process of the simulations reads and writes. record: file for the
-    input, with its header; replay: recording to replay; autosave: file of the state, with its
-    description; resume: checkpoint to continue from."""
+    input; replay: recording to replay; autosave: file of the state; header: what the session runs,
+    as both files say; resume: checkpoint to continue from."""
 
     autosave: Path | None = None
-    about: About | None = None
     record: Path | None = None
     header: Header | None = None
     replay: Recording | None = None

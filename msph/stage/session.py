@@ -6,7 +6,7 @@ from msph.errors import MsphError
 from msph.options import AS_GIVEN, AUTO, QUALITIES
 from msph.scene.quality import at_quality
 from msph.scene.schema import Scene
-from msph.stage.autosave import About, Autosave, lost_session
+from msph.stage.autosave import lost_session, session_file
 from msph.stage.choice import Choice, SceneArguments
 from msph.stage.ggui_window import Window
 from msph.stage.layout import Layout
@@ -40,7 +40,7 @@ class Session:
         self.arguments, self.frames = arguments, frames
         self.layout = Layout(window.size)
         self.message = ""  # shown when the next scene begins
-        self.files, self.autosave = files or Files(), Autosave()
+        self.files = files or Files()
         # A recording or replay begins with the scene, not with the state of a lost session.
         self.lost = lost_session(arguments) if self.files == Files() else None
 
@@ -50,7 +50,7 @@ class Session:
         before: Choice | None = None
         choice: Choice | None = Choice(scene, quality)
         # The simulations end before the file of the session is removed.
-        with self.autosave, self.remote:
+        with session_file() as self.autosave, self.remote:
             while choice:
                 try:
                     row, choice = self._build(choice)
@@ -92,14 +92,9 @@ class Session:
 
     def _files_of(self, choice: Choice) -> Files:
         """Returns the files of a choice: recording and replay are those of the first scene."""
-        more = self.arguments.overrides, self.arguments.beside
-        return replace(
-            self.files,
-            autosave=self.autosave.path,
-            about=About.of(choice, self.arguments, self.autosave.began),
-            header=Header.of(choice.scene, choice.quality_now, *more),
-            resume=choice.resume,
-        )
+        more = self.arguments.overrides_of(choice.scene), self.arguments.beside
+        header = Header.of(choice.scene, choice.quality_now, *more)
+        return replace(self.files, autosave=self.autosave, header=header, resume=choice.resume)
 
     def _play(self, row: Row, choice: Choice) -> Choice | None:
         """Plays until the window is closed or another scene is chosen; returns the choice."""

@@ -10,7 +10,7 @@ from msph.errors import MsphError
 from msph.launches import watch_compiling
 from msph.own_files import claim
 from msph.scene.errors import SceneError
-from msph.stage.autosave import Autosave, Autosaver
+from msph.stage.autosave import Autosaver
 from msph.stage.controls import Controls
 from msph.stage.input_relays import InputRecorder, Replayer
 from msph.stage.link import END, Answer, Command, Doing, Failed, Files, Order, Ready
@@ -39,7 +39,6 @@ def _run(order: Order, connection: Connection) -> None:
     """Builds the simulations of an order and runs them to END; tells the window of errors."""
     row: Row | None = None
     follower: Follower | None = None
-    files = order.files
 
     def tell(message: Any) -> None:
         connection.send((order.serial, message))
@@ -47,12 +46,11 @@ def _run(order: Order, connection: Connection) -> None:
     def report(doing: str, important: bool = False) -> None:
         tell(Doing(doing))
 
-    autosave = Autosave(files.autosave) if files.autosave else None
     try:
         row = built_row(order, report=report)
         follower = Follower(row, connection.recv, tell, order)
         with watch_compiling(lambda name: report(f"compiling {name}")):
-            audience, witnesses = with_files(follower, row, order, autosave)
+            audience, witnesses = with_files(follower, row, order)
             follower.begin()
             run(row, audience, witnesses=witnesses)
     except MsphError as error:
@@ -62,17 +60,13 @@ def _run(order: Order, connection: Connection) -> None:
     except Exception as error:
         tell(Failed(unexpected(error), MsphError.EXIT_CODE))
     finally:
-        if autosave:
-            autosave.writer.shutdown()
         if follower:
             follower.free()
         if row:
             row.close()
 
 
-def with_files(
-    audience: Audience, row: Row, order: Order, autosave: Autosave | None = None
-) -> tuple[Audience, list[Witness]]:
+def with_files(audience: Audience, row: Row, order: Order) -> tuple[Audience, list[Witness]]:
     """Returns an audience with replayed input, and the witnesses that record input and save the
     session."""
     files, lead, witnesses = order.files, row.lead, list[Witness]()
@@ -87,8 +81,8 @@ def with_files(
         claim([files.record], force=True)  # the command has asked for leave
         witnesses.append(InputRecorder(files.record, files.header))
     # Simulations side by side, restored one by one, would no longer be in step.
-    if autosave and files.about and len(row.shows) == 1:
-        witnesses.append(Autosaver(autosave, files.about))
+    if files.autosave and files.header and len(row.shows) == 1:
+        witnesses.append(Autosaver(files.autosave, files.header))
     return audience, witnesses
 
 

@@ -12,9 +12,10 @@ from msph.errors import BlowUpError
 from msph.measure.timings import Timings
 from msph.scene import load_scene
 from msph.stage import autosave
-from msph.stage.autosave import About, Autosave, Autosaver, forget, lost_session
+from msph.stage.autosave import Autosaver, forget, lost_session, session_file
 from msph.stage.choice import Choice, SceneArguments
 from msph.stage.loop import run
+from msph.stage.recorded_input import Header
 from msph.stage.row import Row
 from msph.stage.show import INTERACTIVE, Show
 from msph.stage.window import ClosedError
@@ -46,14 +47,12 @@ def row(tmp_path):
 
 def session(row, scene, *frames, overrides=(), end=None):
     """Runs a session of the given numbers of frames in turn, and raises `end`, if given."""
-    arguments = SceneArguments(scene, overrides)
-    with Autosave() as file:
-        about = About.of(Choice(scene, "auto", found="large"), arguments, file.began)
-        saver = Autosaver(file, about)
+    with session_file() as path:
+        saver = Autosaver(path, Header.of(scene, "large", overrides))
         for number in frames:
             run(row, Count(), number, [saver])
-            if saver.writing:
-                saver.writing.result()
+            if saver.writer:
+                saver.writer.join()
         if end:
             raise end
 
@@ -112,13 +111,13 @@ def test_the_state_is_copied_and_written_in_another_thread(row, tmp_path, monkey
         savez(file, **state)
 
     monkeypatch.setattr(np, "savez", slow)
-    with pytest.raises(BlowUpError), Autosave() as file:
-        about = About.of(Choice(scene, "large"), SceneArguments(scene), file.began)
-        saver = Autosaver(file, about)
+    with pytest.raises(BlowUpError), session_file() as path:
+        saver = Autosaver(path, Header.of(scene, "large"))
         run(row, Count(), 1, [saver])
         time = row.lead.simulation.time
         run(row, Count(), 5, [saver])
         hold.set()
+        saver.writer.join()
         raise BlowUpError("test")
     assert len(threads) == 1 and threads[0] is not threading.main_thread()
     with np.load(lost_session(SceneArguments(scene)).path) as state:

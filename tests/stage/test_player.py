@@ -2,6 +2,7 @@
 
 import math
 import random
+import time
 
 import imageio.v2 as imageio
 import numpy as np
@@ -10,11 +11,12 @@ import pytest
 from msph import user_cache
 from msph.scene import load_scene
 from msph.stage import clip, idle
-from msph.stage.autosave import About, LostSession
+from msph.stage.autosave import LostSession
 from msph.stage.choice import Choice, SceneArguments
 from msph.stage.controls import Controls
 from msph.stage.keys import ACTIONS
 from msph.stage.player import SLOW_MOTION
+from msph.stage.recorded_input import Header
 from tests.stage.player_kit import FRAME, HEIGHT, WIDTH, frames, press
 
 
@@ -265,11 +267,12 @@ def test_write_errors_are_shown_as_messages(player, show, tmp_path):
 
 def test_a_lost_session_is_offered_until_a_key_answers(player, show, tmp_path, monkeypatch):
     monkeypatch.setattr(user_cache, "file", lambda: tmp_path / "cache" / "measured.json")
-    file = tmp_path / "cache" / "session_gone_1.npz"
+    began = int(time.mktime((2026, 11, 29, 14, 32, 0, 0, 0, -1)) * 1e9)
+    file = tmp_path / "cache" / f"session_gone_{began}.npz"
     file.parent.mkdir()
     file.touch()
-    about = About("0", "14:32", "drop", "small", (), {"gravity": 3.0})
-    player.offer = LostSession(file, about)
+    lost = LostSession(file, Header.of("drop", "small"), {"gravity": 3.0})
+    player.offer = lost
     frames(player, show)
     assert player.layout.message == "Enter continues drop of 14:32, any other key deletes it"
     # Mouse buttons do not answer the offer, which is shown again after another message.
@@ -280,7 +283,7 @@ def test_a_lost_session_is_offered_until_a_key_answers(player, show, tmp_path, m
     press(player, show, "Return")
     assert player.next_choice == Choice("drop", "small", {"gravity": 3.0}, resume=file)
     assert not player.wants_more(player.row) and file.exists()
-    player.menu.next, player.offer = None, LostSession(file, about)
+    player.menu.next, player.offer = None, lost
     press(player, show, "v")
     assert player.offer is None and not file.exists() and player.wants_more(player.row)
 
