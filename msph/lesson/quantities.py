@@ -60,7 +60,7 @@ def _updates(show: Show) -> float:
 
 def _frame_time(show: Show) -> float:
     """Returns the median elapsed time [ms] of the fluid over the last frames."""
-    fluid = [f["fluid"] for f in show.timings.frames if "fluid" in f] if show.timings else []
+    fluid = [f["fluid"] for f in show.timings.frames if "fluid" in f]
     return 1e3 * float(np.median(fluid)) if fluid else math.nan
 
 

@@ -45,7 +45,7 @@ def write(course: Course, folder: Path, force: bool = False) -> list[Path]:
             row.draw()
         if view is not None:
             view.draw(guide.progress)
-        image = row.picture.image if row is not None else view.image
+        image = row.image if row is not None else view.image
         guide.draw(image)
         path = slide_path(folder, course, len(paths))
         with replacing(path) as new:

@@ -86,7 +86,7 @@ def in_water(course: Course) -> list[str]:
     def see() -> None:
         nonlocal count
         if count % SKIP == 0:
-            frames.append(row.picture.to_numpy_u8())
+            frames.append(row.to_numpy_u8())
         count += 1
 
     student, parts = Student(progress, row, see, LINGERS), []

@@ -81,9 +81,6 @@ class Measurement:
             self._begin(row.lead)
         return Controls()
 
-    def within(self, row: Row, share: float) -> None:
-        self.progress.within(share, row.lead.pace)
-
     def observe(self, row: Row) -> None:
         show = row.lead
         self.done += 1

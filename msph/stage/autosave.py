@@ -39,7 +39,7 @@ SAVED = TypeAdapter(tuple[Header, dict[str, float]])
 def session_file() -> Iterator[Path]:
     """Context with the path of this session's file, which is removed at the end, except after an
     error."""
-    path = folder() / f"{PREFIX}{os.getpid()}_{time.time_ns()}.npz"
+    path = user_cache.file().parent / f"{PREFIX}{os.getpid()}_{time.time_ns()}.npz"
     try:
         yield path
     except BaseException as error:
@@ -99,11 +99,6 @@ class LostSession:
         return Choice(self.header.scene, self.header.quality, self.set, resume=self.path)
 
 
-def folder() -> Path:
-    """Returns the folder of the files of all sessions."""
-    return user_cache.file().parent
-
-
 def lost_session(arguments: SceneArguments) -> LostSession | None:
     """Returns the last session that ended by a crash and can go on with these arguments."""
     for path in sorted(_left(), key=lambda p: p.stat().st_mtime, reverse=True):
@@ -124,7 +119,7 @@ def forget() -> None:
 
 def _left() -> list[Path]:
     """Returns the files of processes that have ended."""
-    files = folder().glob(f"{PREFIX}*")
+    files = user_cache.file().parent.glob(f"{PREFIX}*")
     return [path for path in files if not _in_use(path)]
 
 

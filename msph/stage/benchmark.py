@@ -12,9 +12,8 @@ from msph.measure.snapshot import Snapshot
 from msph.measure.timings import Timings, peak_memory, process_age
 from msph.scene.schema import Scene
 from msph.stage.headless import Headless, HeadlessPlayer
-from msph.stage.input_relays import Replayer
 from msph.stage.link import Order
-from msph.stage.loaded_scene import LoadedScene
+from msph.stage.loaded_scene import LoadedScene, with_input
 from msph.stage.loop import run
 from msph.stage.process import start_simulations
 from msph.stage.recorded_input import Recording
@@ -137,7 +136,7 @@ def benchmark(
     ) as show:
         show.warm_up()
         errors = DensityErrors(frames)
-        run(Row([show]), Replayer(errors, recording) if recording else errors)
+        run(Row([show]), with_input(errors, recording))
         mean, p99, largest = show.ledger.solver_residual()
         wall = timings.total()
         rest_energy = show.ledger.rest_energy()
@@ -210,7 +209,7 @@ def benchmark_play(
     with Remote(*start_simulations(arch, threads)) as remote:
         row = remote.row(order, size)
         ready, lead = process_age(), row.lead
-        player = HeadlessPlayer(seconds, scene.play.fps, parallel=lead.parallel)
+        player = HeadlessPlayer(seconds, scene.play.fps)
         particles = lead.state.counts()
         run(row, player)
         row.close()

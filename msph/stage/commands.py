@@ -134,12 +134,20 @@ def bench(scenes: tuple[str, ...], options: BenchOptions, run: RunOptions) -> No
         claim([options.json_file], options.force)
     given = [(name, load_scene(name, run.overrides)) for name in names]
     arch = start(run.arch, run.threads)
-    rows: list[Result | PlayResult] = []
-    failed = False
+    rows, failed = list[Result | PlayResult](), False
     for loaded in [at(scene, name, run) for name, scene in given]:
+        if recording:
+            recording = recording.cut(options.seconds)
+            recording.check(loaded.scene)
         say(f"{loaded.name}: compiling kernels, then running")
         try:
-            rows.append(timed(loaded, options, recording, run))
+            seconds = options.seconds or loaded.scene.duration
+            if options.as_played:
+                size = options.size or PLAY_SIZE
+                rows.append(benchmark_play(loaded, seconds, size, run.arch, run.threads))
+            else:
+                parts = not options.no_render, options.size or BENCH_SIZE, options.profile
+                rows.append(benchmark(loaded.scene, loaded.name, seconds, *parts, recording))
         except (AllSpiltError, BlowUpError, TrappedWaterError) as error:
             say(f"{loaded.name}: FAILED: {error}")
             failed = True
@@ -157,21 +165,6 @@ def bench(scenes: tuple[str, ...], options: BenchOptions, run: RunOptions) -> No
         replace(options.json_file, json.dumps([asdict(r) for r in rows], indent=2) + "\n")
     if failed:
         sys.exit(BAD_RUN)
-
-
-def timed(
-    loaded: LoadedScene, options: BenchOptions, recording: Recording | None, run: RunOptions
-) -> Result | PlayResult:
-    """Returns the benchmark of one scene."""
-    scene, name, duration = loaded.scene, loaded.name, options.seconds or loaded.scene.duration
-    if recording:
-        recording = recording.cut(options.seconds)
-        recording.check(scene)
-    if options.as_played:
-        return benchmark_play(loaded, duration, options.size or PLAY_SIZE, run.arch, run.threads)
-    size = options.size or BENCH_SIZE
-    parts = not options.no_render, size, options.profile
-    return benchmark(scene, name, duration, *parts, recording)
 
 
 def scenes(name: str | None, list_parameters: bool, explained: bool, run: RunOptions) -> None:

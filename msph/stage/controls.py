@@ -75,13 +75,11 @@ class Controls(Inputs):
     """Input of one frame.
 
     hand: of a scripted user, where no tool is used. budget [s]: limit of the fluid's wall-clock
-    time, None for no limit. next_view: show the next view. hidden: no image is needed. scale (-):
-    image scale, for scalable shows.
+    time, None for no limit. hidden: no image is needed. scale (-): image scale, for scalable shows.
     """
 
     hand: Hand = field(default_factory=Hand)
     budget: float | None = None
-    next_view: bool = False
     hidden: bool = False
     scale: float = 1.0
 

@@ -7,18 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from msph.fluid.stages import no_stage
-from msph.measure.timings import Timings
 from msph.picture.camera import Camera
 from msph.picture.picture import Picture, picture_of
 from msph.picture.pixels import matted
 from msph.picture.room import PictureRoom
 from msph.scene.camera_path import orbit_at
-from msph.scene.schema import Scene
 from msph.stage.controls import Controls
 from msph.stage.floats import floating_at
+from msph.stage.shown_scene import ShownScene
 from msph.stage.views import Views
-from msph.state import State
 from msph.surface import Surface, SurfaceRoom, surface_of
 from msph.surface.mesh import SurfaceMesh
 from msph.surface.whitewater import whitewater_of
@@ -28,27 +25,19 @@ BELOW = 1.2
 
 
 class Display:
-    """Extracts the surface of a state and renders it, or its particles.
+    """Extracts the surface of a show's state and renders it, or its particles.
 
     size (width, height) [pixels] of the image, None for no image. meshes: extract the surface of
-    every frame, rendered or not. scalable: frames may set the image scale. Parts that are not used
-    are None.
+    every frame, rendered or not. Frames of interactive shows set the image scale. Parts that are
+    not used are None.
     """
 
-    def __init__(
-        self,
-        state: State,
-        scene: Scene,
-        size: tuple[int, int] | None,
-        meshes: bool,
-        timings: Timings | None,
-        scalable: bool = False,
-    ):
-        self.state, self.scene, self.meshes, self.scalable = state, scene, meshes, scalable
+    def __init__(self, show: ShownScene, size: tuple[int, int] | None, meshes: bool = False):
+        self.state, self.scene, self.meshes = show.state, show.initial, meshes
+        self.scalable = show.interactive
+        self.stage, self.substage = show.timings.stage, show.timings.substage
         # True if the spray is droplets, as in images, instead of a part of the mesh.
         self.sprayed = not meshes
-        self.stage = timings.stage if timings else no_stage
-        self.substage = timings.substage if timings else no_stage
         self.surface: Any = None
         self.picture: Any = None
         self.views: Any = None
@@ -91,11 +80,6 @@ class Display:
         camera.shift, camera.stretch = 0.5 * (1.0 - free), stretch
         return camera
 
-    def follow_path(self) -> None:
-        """Moves the camera along the scene's path, if it has one."""
-        if self.picture and self.scene.camera.path:
-            self.camera = self.framing()
-
     def _load_surface(self) -> Surface:
         s, state = self.scene.surface, self.state
         cell = s.cell * state.layers.finest.spacing
@@ -119,8 +103,8 @@ class Display:
             self.advance()
         if self.scalable:
             self.picture.scale = controls.scale
-        else:
-            self.follow_path()
+        elif self.picture and self.scene.camera.path:
+            self.camera = self.framing()
         if not controls.hidden:
             self.draw(new)
 
@@ -273,7 +257,3 @@ class Display:
         with self.state.at_frame():
             self.surface.extract()
         return self.surface.mesh
-
-    def overflow(self) -> str | None:
-        """Returns the message about a truncated mesh, or None."""
-        return self.surface.mesh.overflowed() if self.surface else None

@@ -1,7 +1,7 @@
 """Cost of each optional part of a scene, and the error without it, by measurement."""
 
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from tabulate import tabulate
@@ -23,17 +23,19 @@ SECONDS, UNTIMED = 1.0, 3
 
 @dataclass
 class Run:
-    """A timed simulation. start: time to build it [s]; kernels: number of compiled kernels;
-    centres: centre of mass (3,) [m] after each frame."""
+    """A timed simulation. start: time to build it [s]; kernels: number of compiled kernels."""
 
     show: Show
     start: float
     kernels: int
-    centres: list[np.ndarray] = field(default_factory=list)
+
+    @property
+    def centres(self) -> np.ndarray:
+        """Centre of mass [m] after each frame, (frames, 3)."""
+        return np.array([entry.centre for entry in self.show.ledger.entries])
 
     def milliseconds(self, *stages: str) -> float:
         """Returns the median time of a frame, or of the sum of its stages [ms]."""
-        assert self.show.timings is not None
         return 1e3 * self.show.timings.percentile(50.0, *stages)
 
 
@@ -55,11 +57,10 @@ def explain(scene: Scene) -> str:
     for k in range(UNTIMED + round(SECONDS / FRAME_TIME)):
         for run in runs:
             run.show.frame(Controls())
-            if k < UNTIMED and run.show.timings:
+            if k < UNTIMED:
                 run.show.timings.discard()
-            run.centres.append(run.show.ledger.entries[-1].centre)
     whole, *others = runs
-    depth = mean_depth(scene.gravity, whole.show.simulation.plan, np.array(whole.centres[:1]))
+    depth = mean_depth(scene.gravity, whole.show.simulation.plan, whole.centres[:1])
     heads = ["", "particles", "ms per frame", *STAGES]
     heads += ["saved", "start s", "kernels", "error without it"]
     rows = [[*_costs("full scene", whole, whole), ""]]
@@ -94,10 +95,10 @@ def _costs(name: str, run: Run, whole: Run) -> list[str]:
     ]
 
 
-def water_error(centres: list[np.ndarray], others: list[np.ndarray], depth: float) -> str:
+def water_error(centres: np.ndarray, others: np.ndarray, depth: float) -> str:
     """Describes the largest distance over all frames between two simulations' centres of mass
     (n, 3) [m], relative to the depth [m] if it is positive."""
-    away = np.linalg.norm(np.array(others) - np.array(centres), axis=1).max()
+    away = np.linalg.norm(others - centres, axis=1).max()
     if np.isfinite(depth) and depth > 0.0:
         return f"{100.0 * away / depth:.2f} % of the depth"
     return f"{1e3 * away:.2f} mm"

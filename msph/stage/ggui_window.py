@@ -64,12 +64,12 @@ class Window:
         self.start, self.reported = StartScreen(self.size, title, self.keys), -math.inf
         self.report("building the scene")
 
-    def report(self, doing: str, important: bool = False) -> None:
-        """Shows a progress message on the start screen; within REPORT_INTERVAL of another one only
-        if it is `important`. Raises ClosedError if the user has pressed quit or closed the window;
-        other keys are kept for the next presses()."""
+    def report(self, doing: str) -> None:
+        """Shows a progress message on the start screen, unless it is within REPORT_INTERVAL of
+        another one. Raises ClosedError if the user has pressed quit or closed the window; other
+        keys are kept for the next presses()."""
         now = time.perf_counter()
-        if now - self.reported < REPORT_INTERVAL and not important:
+        if now - self.reported < REPORT_INTERVAL:
             return
         self.reported = now
         self.waiting = self.presses()
@@ -143,7 +143,7 @@ class Window:
             self.canvas.lines(line, width=STROKE, color=colour)
         self.marked, self.arrowed = False, 0
         # Taichi prints a message before it aborts.
-        with self.guard.silenced():
+        with silence():
             self.window.show()
 
     def again(self) -> None:

@@ -29,7 +29,7 @@ class Graph:
 
 
 def _stages(show: Show, _: float) -> list[float]:
-    frame = show.timings.frames[-1] if show.timings and show.timings.frames else {}
+    frame = show.timings.frames[-1] if show.timings.frames else {}
     return [1e3 * frame.get(name, 0.0) for name in ("fluid", "surface", "picture")]
 
 

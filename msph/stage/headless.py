@@ -1,7 +1,6 @@
 """Headless clients of the frame loop, used by the benchmarks."""
 
 import time
-from collections.abc import Callable
 
 from msph.stage.controls import Controls
 from msph.stage.loop import Audience
@@ -24,9 +23,6 @@ class Headless(Audience):
     def controls(self, row: Row) -> Controls:
         return self.given
 
-    def within(self, row: Row, share: float) -> None:
-        self.progress.within(share, row.lead.pace)
-
     def observe(self, row: Row) -> None:
         self.done += 1
         self.progress.update()
@@ -37,32 +33,23 @@ class HeadlessPlayer(Audience):
     `fps` frames per second; presenting a frame takes no time.
 
     walls [s], simulated [s], scales (-), residuals (-): wall-clock time, simulated time, image
-    scale and solver residual of each frame. parallel: see Pacer. clock, sleep: time.perf_counter
-    and time.sleep, or test doubles.
+    scale and solver residual of each frame.
     """
 
-    def __init__(
-        self,
-        seconds: float,
-        fps: float,
-        clock: Callable[[], float] = time.perf_counter,
-        sleep: Callable[[float], None] = time.sleep,
-        parallel: bool = False,
-    ):
+    def __init__(self, seconds: float, fps: float):
         self.seconds, self.refresh = seconds, 1.0 / fps
-        self.now, self.sleep = clock, sleep
-        self.pacer = Pacer(fps, parallel=parallel)
+        self.pacer = Pacer(fps)
         self.walls: list[float] = []
         self.simulated: list[float] = []
         self.scales: list[float] = []
         self.residuals: list[float] = []
-        self.begin = self.shown = clock()
+        self.begin = self.shown = time.perf_counter()
 
     def wants_more(self, row: Row) -> bool:
         if not self.walls:
-            self.begin = self.shown = self.now()
+            self.begin = self.shown = time.perf_counter()
         row.receive()
-        return self.now() - self.begin < self.seconds
+        return time.perf_counter() - self.begin < self.seconds
 
     def controls(self, row: Row) -> Controls:
         controls = Controls()
@@ -73,8 +60,8 @@ class HeadlessPlayer(Audience):
         if not row.lead.new:
             return
         # The display waits for its next refresh.
-        self.sleep(max(0.0, self.shown + self.refresh - self.now()))
-        now = self.now()
+        time.sleep(max(0.0, self.shown + self.refresh - time.perf_counter()))
+        now = time.perf_counter()
         wall, self.shown = now - self.shown, now
         self.scales.append(self.pacer.scale)
         self.pacer.observe(row, wall, 0.0)

@@ -63,7 +63,7 @@ class Replayer(Audience):
         in_window: bool = False,
         paced: bool = False,
     ):
-        self.inner = inner
+        self.inner, self.progress = inner, inner.progress
         self.frames, self.in_window, self.paced = recording.frames, in_window, paced
         self.done = 0
         self.last = Inputs()
@@ -75,9 +75,6 @@ class Replayer(Audience):
 
     def wants_more(self, row: Row) -> bool:
         return (self.in_window or not self.over) and self.inner.wants_more(row)
-
-    def within(self, row: Row, share: float) -> None:
-        self.inner.within(row, share)
 
     def close(self) -> None:
         self.inner.close()

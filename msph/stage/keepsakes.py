@@ -42,10 +42,10 @@ class Saver:
 
     def _picture(self, row: Row) -> str:
         """Saves the current image at full scale, with its legend, without the window's pages."""
-        scale, row.picture.scale = row.picture.scale, 1.0
+        scale, row.scale = row.scale, 1.0
         row.draw()
-        pixels = row.picture.to_numpy_u8()
-        row.picture.scale = scale
+        pixels = row.to_numpy_u8()
+        row.scale = scale
         path = self._path(".png", row.lead.scene)
         with replacing(path) as new:
             # A higher level makes the window wait twice as long for 0.8 of the size.

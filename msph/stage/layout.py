@@ -87,12 +87,10 @@ class Layout:
         return time.perf_counter() > self.until
 
     def show_help(self, shown: bool) -> None:
-        page, (width, height) = self.pages["help"], self.size
-        if shown:
-            paint = partial(pages.help_page, self.text, height - 2 * self.gap, self.taken)
-            page.show(self.taken, paint, (width / 2, height / 2), (0.5, 0.5))
-        else:
-            page.hide()
+        width, height = self.size
+        paint = partial(pages.help_page, self.text, height - 2 * self.gap, self.taken)
+        content, centre = self.taken if shown else None, (width / 2, height / 2)
+        self.pages["help"].show(content, paint, centre, (0.5, 0.5))
 
     def draw(self, row: Row, pacer: Pacer, paused: bool, idle: Idle) -> None:
         """Draws all pages over the row's image."""
@@ -124,18 +122,12 @@ class Layout:
         self.pages["status"].show(content, paint, (self.gap, self.gap))
 
     def _show_hints(self, texts: list[str], urgent: bool, left: int, width: float) -> None:
-        if not texts:
-            self.pages["hints"].hide()
-            return
         paint = partial(pages.hints, texts, urgent, self.text, width)
-        at = left, self.size[1] - self.gap
-        self.pages["hints"].show((tuple(texts), urgent, width), paint, at, (0.0, 1.0))
+        at, content = (left, self.size[1] - self.gap), (tuple(texts), urgent, width)
+        self.pages["hints"].show(content if texts else None, paint, at, (0.0, 1.0))
 
     def _show_message(self, left: int, width: float) -> None:
         """Shows the message above the line of hints."""
-        if self.idle:
-            self.pages["message"].hide()
-            return
 
         def paint():
             room = width - 2 * round(PADDING * self.text)
@@ -144,7 +136,8 @@ class Layout:
 
         hints = round((LINE + PADDING) * self.text)
         at = left, self.size[1] - self.below - 2 * self.gap - hints
-        self.pages["message"].show((self.message, width), paint, at, (0.0, 1.0))
+        content = None if self.idle else (self.message, width)
+        self.pages["message"].show(content, paint, at, (0.0, 1.0))
 
     def _show_particle(self, row: Row, left: int, now: float) -> None:
         """Shows the values of the picked particle and the legend of its arrows."""

@@ -1,10 +1,11 @@
 """Messages between the process of a window and the process of its simulations.
 
 Window to simulations: an Order for the scenes to run, then a Command for each frame, and END; None
-ends the process. Simulations to window: Doing, Ready, an Answer to each Command, and Failed,
-each with the serial number of its order (0: of no order), so that those of an earlier one are
-ignored. The next Command is sent once the last one is answered, before its image is drawn, so that
-both processes work at the same time; the arrays of an Answer stay valid until the next Answer.
+ends the process. Simulations to window: texts of what they do meanwhile, Ready, an Answer to each
+Command, and SimulationError, each with the serial number of its order (0: of no order), so that
+those of an earlier one are ignored. The next Command is sent once the last one is answered, before
+its image is drawn, so that both processes work at the same time; the arrays of an Answer stay valid
+until the next Answer.
 """
 
 from collections.abc import Callable
@@ -12,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from msph.errors import MsphError
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls
 from msph.stage.recorded_input import Header, Recording
@@ -73,13 +75,6 @@ class Command:
 
 
 @dataclass(frozen=True)
-class Doing:
-    """What the process of the simulations does."""
-
-    text: str
-
-
-@dataclass(frozen=True)
 class Ready:
     """The simulations are built. names: of the SharedArrays of each; about: number of particles and
     mass of each; an Answer with the initial state follows."""
@@ -101,9 +96,9 @@ class Answer:
     numbers: list[dict[str, float]]
 
 
-@dataclass(frozen=True)
-class Failed:
-    """An error ended the simulations; code: exit code."""
+class SimulationError(MsphError):
+    """An error that ended the simulations; code: exit code."""
 
-    problem: str
-    code: int
+    def __init__(self, problem: str, code: int = MsphError.EXIT_CODE):
+        super().__init__(problem)
+        self.EXIT_CODE = code

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 from msph.errors import MsphError
 from msph.interrupts import deferred_signals
@@ -11,16 +11,15 @@ from msph.stage.row import Row
 
 
 class Audience(Protocol):
-    """Client of the frame loop: gives the controls of each frame and processes the result."""
+    """Client of the frame loop: gives the controls of each frame and processes the result.
+    progress: of the run, which the loop advances after each step, None without one."""
+
+    progress: Any = None
 
     def wants_more(self, row: Row) -> bool: ...
 
     def controls(self, row: Row) -> Controls:
         return Controls()
-
-    def within(self, row: Row, share: float) -> None:
-        """Called after each step with the completed share (0 to 1) of the frame."""
-        return
 
     def observe(self, row: Row) -> None: ...
 
@@ -48,7 +47,8 @@ def run(
     with deferred_signals() as raise_if_signalled:
 
         def step_done(share: float) -> None:
-            audience.within(row, share)
+            if audience.progress:
+                audience.progress.within(share, row.lead.pace)
             raise_if_signalled()
 
         row.lead.on_progress = step_done

@@ -32,7 +32,7 @@ class DisplayGuard:
     """Handler of lost displays, from its creation until close(). Has an effect on Linux only."""
 
     def __init__(self) -> None:
-        self.stderr, self.nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+        self.stderr = os.dup(2)
         # ctypes does not keep callbacks alive.
         self.callbacks = [
             ctypes.CFUNCTYPE(None, ctypes.c_int)(self._end),
@@ -57,16 +57,6 @@ class DisplayGuard:
                 complete()
         os._exit(EXIT_CODE)
 
-    @contextlib.contextmanager
-    def silenced(self) -> Iterator[None]:
-        """Context that discards what native libraries print on stderr."""
-        os.dup2(self.nowhere, 2)
-        try:
-            yield
-        finally:
-            os.dup2(self.stderr, 2)
-
     def close(self) -> None:
         self._install()
-        for handle in (self.stderr, self.nowhere):
-            os.close(handle)
+        os.close(self.stderr)

@@ -21,8 +21,7 @@ SETTLED = 0.3
 
 
 class Menu:
-    """Selections of the user. next: the scene and quality to play next, None for no change;
-    changes: live parameters to set in the next frame, see Inputs."""
+    """Selections of the user. next: the scene and quality to play next, None for no change."""
 
     def __init__(
         self,
@@ -37,7 +36,6 @@ class Menu:
         self.panel = Panel(row.lead, choice.scene, choice.quality_now, layout.page)
         self.next: Choice | None = None
         self.chosen = 0.0  # time of the selection [s]
-        self.changes: dict[str, float | None] = {}
         for key, value in choice.set.items():
             self.set(key, value)
 
@@ -93,20 +91,11 @@ class Menu:
             self.layout.show_message(f"next: {choice.scene}, quality {choice.quality}")
 
     def set(self, key: str, value: float | None) -> None:
-        """Sets a live parameter of all simulations in the next frame, None for its initial value;
-        speed and image scale are also passed to the pacer."""
-        self.changes[key] = value
-        for show in self.row.shows:
-            if show.parallel:
-                # At once, so that sliders follow while the simulation has not answered.
-                show.set(key, value)
+        """Sets a live parameter of all simulations, None for its initial value; speed and image
+        scale are also passed to the pacer."""
+        self.row.set(key, value)
         value = read(self.row.lead.initial, key) if value is None else value
         if key == "play.speed":
             self.pacer.set_speed(value)
         if key == "play.scale":
             self.pacer.finest = value
-
-    def take_changes(self) -> dict[str, float | None]:
-        """Returns the changes since the last call."""
-        taken, self.changes = self.changes, {}
-        return taken

@@ -18,8 +18,6 @@ SCALES = tuple(1.0 - 0.05 * k for k in range(9))
 MAX_CHANGE = 0.1
 # Longest frame [s]; slower simulations run slower than real time at this frame rate.
 LONGEST_FRAME = 1.0 / 24.0
-# Least share of the longest frame for the fluid, however long rendering takes.
-LEAST_FLUID = 0.4
 # Share of a frame that is planned; the rest is a reserve for varying costs.
 PLANNED = 0.9
 # Weight of the previous mean in smoothed times; frames between two choices of the scale; factor on
@@ -36,19 +34,18 @@ MAX_GROWTH = 1.25
 
 
 class Pacer:
-    """Controls frame time and image scale.
+    """Controls frame time and image scale. The fluid runs while images are drawn.
 
     fps: requested frames per second. speed (-): requested simulated over wall-clock time. scale
-    (-): image scale, at most `finest`. parallel: the fluid runs while images are drawn.
-    last [s]: duration of the last frame. Smoothed: wall [s],
-    duration of a frame; fluid, image, rest [s], time of its parts; simulated [s].
+    (-): image scale, at most `finest`. budget [s]: limit of the fluid's wall-clock time in a frame.
+    last [s]: duration of the last frame. Smoothed: wall [s], duration of a frame; fluid, image,
+    rest [s], time of its parts; simulated [s].
     """
 
-    def __init__(
-        self, fps: float, speed: float = 1.0, finest: float = SCALES[0], parallel: bool = False
-    ):
-        self.fps, self.speed, self.scale = fps, speed, SCALES[0]
-        self.finest, self.parallel = finest, parallel
+    budget = LONGEST_FRAME
+
+    def __init__(self, fps: float, speed: float = 1.0, finest: float = SCALES[0]):
+        self.fps, self.speed, self.scale, self.finest = fps, speed, SCALES[0], finest
         self.wall = self.last = 1.0 / fps
         self.simulated = speed * self.wall
         self.fluid = self.image = self.rest = 0.0
@@ -64,13 +61,6 @@ class Pacer:
         limit = MAX_SPEEDUP * asked
         wanted = asked + float(np.clip(CATCH_UP * self.lag, -limit, limit))
         return float(np.clip(wanted, 0.5 * self.speed / self.fps, self.speed * LONGEST_FRAME))
-
-    @property
-    def budget(self) -> float:
-        """Limit of the fluid's wall-clock time in the next frame [s]."""
-        if self.parallel:
-            return LONGEST_FRAME
-        return max(LONGEST_FRAME - self.image - self.rest, LEAST_FLUID * LONGEST_FRAME)
 
     @property
     def pace(self) -> float:
@@ -90,7 +80,7 @@ class Pacer:
     def observe(self, row: Row, wall: float, shown: float) -> None:
         """Records the row's last frame, of duration `wall` [s]; shown [s]: time to present it,
         without the wait for the display."""
-        frames = [s.timings.frames[-1] for s in row.shows if s.timings]
+        frames = [show.timings.frames[-1] for show in row.shows]
         fluid, surface, image = (
             sum(frame.get(stage, 0.0) for frame in frames)
             for stage in ("fluid", "surface", "picture")
@@ -119,8 +109,8 @@ class Pacer:
     def _affordable(self) -> float:
         """Returns the largest image scale at the highest frame rate that the machine sustains."""
         per_second = self.speed * self.fluid / max(self.simulated, 1e-9)
-        if self.parallel and per_second < PLANNED:
-            per_second = 0.0
+        if per_second < PLANNED:
+            per_second = 0.0  # images do not wait for the fluid
         for rate in RATES:
             room = (PLANNED - per_second) / (rate * self.fps) - self.rest
             for scale in (min(s, self.finest) for s in SCALES):

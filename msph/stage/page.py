@@ -31,9 +31,12 @@ class Page:
         at: tuple[float, float],
         align: tuple[float, float] = (0.0, 0.0),
     ) -> None:
-        """Shows the page, painted again if its content or place differs from the last. at: place
-        from the left and the upper edge of the image [pixels] of the point `align` of the page,
-        from (0, 0), its upper left corner, to (1, 1)."""
+        """Shows the page, painted again if its content or place differs from the last, or hides it
+        if the content is None. at: place from the left and the upper edge of the image [pixels] of
+        the point `align` of the page, from (0, 0), its upper left corner, to (1, 1)."""
+        if content is None:
+            self.hide()
+            return
         shown = content, at, align
         if shown == self.shown:
             return

@@ -1,12 +1,13 @@
-"""Pages of text over the window's image: lines, hints, help."""
+"""Pages over the window's image: lines, hints, help, and the toolbar."""
 
 import numpy as np
 
 from msph.stage.keys import KEYS
 from msph.stage.sheet import FAINT, LINE, PADDING, SOLID, WARNING, Sheet, font_of
+from msph.stage.tools import TOOLS, Tool
 
-# Width of the column of keys in the help [text heights].
-KEY_WIDTH = 10.0
+# In text heights: width of the column of keys in the help; width and padding of the toolbar.
+KEY_WIDTH, TOOLBAR, PAD = 10.0, 4.6, 0.2
 
 
 def lines(texts: list[tuple[str, tuple]], size: int) -> Sheet:
@@ -45,4 +46,15 @@ def help_page(size: int, most: int, taken: frozenset[str] = frozenset()) -> Shee
         y = pad + sheet.pitch * row
         sheet.write(pad, y, label)
         sheet.write(pad + column, y, effect, FAINT)
+    return sheet
+
+
+def toolbar(active: Tool, text: int) -> Sheet:
+    """Returns a column of buttons, one for each tool, with the active one highlighted; text: text
+    height [pixels]."""
+    width, pad, pitch = TOOLBAR * text, PAD * text, LINE * text
+    sheet = Sheet((width, pitch * len(TOOLS) + 2.0 * pad), text)
+    for k, tool in enumerate(TOOLS):
+        label, span = f"{tool.key}  {tool.name}", (pad, width - pad)
+        sheet.button(tool.name, label, span, pad + k * pitch, tool is active)
     return sheet

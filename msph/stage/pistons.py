@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.pistons import Stroke
 from msph.fluid.boundary.rigid_bodies import bounding_radius, half_extents
 from msph.fluid.external_forces import Hand
@@ -66,26 +65,16 @@ def _longest(sim: Simulation, stroke: Stroke) -> float:
     """Returns the longest stroke [m] of a wall. Raises FullError without room."""
     axis, boundary = stroke.axis, sim.boundary
     length = sim.size[axis]
-    spans = [_span(boundary, b, axis) for b in range(boundary.count) if _stays(boundary, b)]
-    for opening in sim.openings.all:
-        reach = max(opening.half) * math.sqrt(2.0)
-        spans.append((opening.centre[axis] - reach, opening.centre[axis] + reach))
-    near = [lo if stroke.wall < 8 else length - hi for lo, hi in spans]
+    spans = []
+    for b, body in enumerate(boundary.bodies):
+        # A piston pushes floating bodies away.
+        if body.mass is None and not isinstance(body.motion, Stroke):
+            half = bounding_radius(body) if body.motion.spins else half_extents(body)[axis]
+            spans.append((boundary.centre_at_end(b)[axis], half))
+    spans += [(o.centre[axis], max(o.half) * math.sqrt(2.0)) for o in sim.openings.all]
+    near = [(c if stroke.wall < 8 else length - c) - half for c, half in spans]
     spacing = sim.layers.finest.spacing
     free = min([LONGEST * length, *(gap - GAP * spacing for gap in near)])
     if boundary.container is not None or free < LEAST * spacing:
         raise FullError("there is no room for a moving wall at this end")
     return free
-
-
-def _stays(boundary: Boundary, b: int) -> bool:
-    """Returns True for a body that a piston cannot push away."""
-    body = boundary.bodies[b]
-    return body.mass is None and not isinstance(body.motion, Stroke)
-
-
-def _span(boundary: Boundary, b: int, axis: int) -> tuple[float, float]:
-    """Returns the range [m] along an axis in which a body is now."""
-    body, centre = boundary.bodies[b], boundary.centre_at_end(b)[axis]
-    half = bounding_radius(body) if body.motion.spins else half_extents(body)[axis]
-    return centre - half, centre + half

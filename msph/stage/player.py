@@ -22,9 +22,9 @@ from msph.stage.layout import Layout
 from msph.stage.loop import Audience
 from msph.stage.menu import Menu
 from msph.stage.pacer import Pacer
+from msph.stage.pages import toolbar
 from msph.stage.row import Row, show_with_picked
 from msph.stage.steering import Steering
-from msph.stage.toolbar import toolbar
 from msph.stage.tools import BY_NAME
 from msph.stage.window import BUTTONS
 
@@ -50,7 +50,7 @@ class Player(Audience):
         self.has_toolbar = guide is None
         lead, play = row.lead, row.lead.scene.play
         self.layout, self.clip = layout, Clip()
-        self.pacer = Pacer(play.fps, play.speed, play.scale, lead.parallel)
+        self.pacer = Pacer(play.fps, play.speed, play.scale)
         layout.begin(choice.quality_now)
         self.menu = Menu(row, choice, layout, self.pacer, arguments)
         self.steering = Steering(window, row)
@@ -67,7 +67,7 @@ class Player(Audience):
             lead.display.camera = self._framing()
         self.runs = self.guide.runs
         self.offer: LostSession | None = None  # offered to the user
-        self.paused = self.single_step = self.done = self.helping = self.begins_anew = False
+        self.paused = self.single_step = self.done = self.helping = False
         self.clock: float | None = None  # time at which the last frame was presented [s]
         self.present = math.inf  # time to present a frame, without the wait for the display [s]
 
@@ -92,7 +92,7 @@ class Player(Audience):
             elif guide.handle_key(key):
                 self._level_after_reset()
             elif key in ACTIONS:
-                self._press(ACTIONS[key], controls)
+                self._press(ACTIONS[key])
         self.pacer.steer(controls)
         step, wall = self.pacer.frame_time, self.pacer.wall
         # While a lesson pauses the simulation, held keys do nothing.
@@ -103,10 +103,8 @@ class Player(Audience):
         sway = self.idle.roll(row.lead.now.time, 0.0 if self._paused else step)
         controls.tilt = (float(steering.tilt[0]) + steering.jolt + sway, float(steering.tilt[1]))
         controls.azimuth = row.lead.display.camera.azimuth
-        if not row.busy:
-            # What waits for an answer of the simulation is given now.
-            controls.set, controls.reset = self.menu.take_changes(), self.begins_anew
-            self.single_step = self.begins_anew = False
+        # While the simulation has not answered, a step waits.
+        self.single_step = self.single_step and row.busy
         return controls
 
     @property
@@ -154,16 +152,17 @@ class Player(Audience):
             self.layout.show_message("the saved session was deleted")
         self.offer = None
 
-    def _press(self, action: str, controls: Controls) -> None:
+    def _press(self, action: str) -> None:
         """Carries out an action that happens once per key press."""
         self.idle.tried.add(action)
         if action == "quit" and self.helping:
             action = "help"
         act = getattr(self, f"_{action}", None)
         if action == "next_view":
-            controls.next_view = True
+            self.row.lead.display.views.next()
         elif action == "reset":
-            self.begins_anew = True
+            self.row.reset()
+            self.steering.stop()
         elif action == "single_step":
             self.single_step = True
         elif action in SAVING:
@@ -179,8 +178,6 @@ class Player(Audience):
             self._choose_tool(action.removeprefix("tool "))
         elif act:
             act()
-        if action == "reset":
-            self.steering.stop()
 
     def _choose_tool(self, name: str) -> None:
         self.steering.tool = BY_NAME[name]

@@ -4,29 +4,24 @@ import contextlib
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from typing import Protocol
+from collections.abc import Callable, Iterator
 
 from tqdm import tqdm
 
 from msph.launches import watch_compiling
 from msph.measure.summary import water_mass
-from msph.measure.timings import Timings
 from msph.scene.check import cautions
 from msph.scene.effort import effort
 from msph.stage.link import Order
-from msph.stage.row import KEPT_FRAMES, Row
+from msph.stage.row import Row
 from msph.stage.show import Show
 
 # The default lock is a semaphore of the system, which a killed process would leave behind.
 tqdm.set_lock(threading.RLock())
 
 
-class Report(Protocol):
-    """Function that displays a progress message; messages that follow another closely may be
-    omitted unless they are `important`."""
-
-    def __call__(self, doing: str, important: bool = False) -> None: ...
+# Function that displays a progress message; those that follow another closely may be omitted.
+Report = Callable[[str], None]
 
 
 def say(text: str) -> None:
@@ -57,17 +52,15 @@ def built_row(
     """Builds the simulations of an order and compiles their kernels. Their images with labels below
     them, if any, form an image of size (width, height) [pixels] with `below` free pixels at the
     lower edge."""
-    since = time.perf_counter()
 
     def build(k: int, each: tuple[int, int] | None) -> Show:
         scene, told = order.scenes[k], named(report, place(order.labels[k], k, len(order.scenes)))
         if told:
-            told("building the scene", important=True)
+            told("building the scene")
         for caution in (*cautions(scene), *effort(scene)):
             say(f"warning: {caution}")
-        options = {"timings": Timings(keep=KEPT_FRAMES), **order.options}
-        with compiling(told, since):
-            show = Show(scene, order.frame_time_of(k), each, **options)
+        with compiling(told):
+            show = Show(scene, order.frame_time_of(k), each, **order.options)
             show.warm_up(first_image=not order.whole)
         return show
 
@@ -90,13 +83,7 @@ def place(label: str, k: int, number: int) -> str:
 
 def named(report: Report | None, name: str) -> Report | None:
     """Returns a function that reports with a name, `report` itself without a name."""
-    if report is None or not name:
-        return report
-
-    def report_named(doing: str, important: bool = False) -> None:
-        report(f"{name}: {doing}", important)
-
-    return report_named
+    return (lambda doing: report(f"{name}: {doing}")) if report and name else report
 
 
 def mass_text(water: dict[str, float]) -> str:
@@ -106,10 +93,10 @@ def mass_text(water: dict[str, float]) -> str:
 
 
 @contextlib.contextmanager
-def compiling(report: Report | None, since: float | None = None) -> Iterator[Report]:
-    """Context that reports each kernel compiled in it and the time since `since` [s], its start by
-    default, on the terminal if there is no `report`; yields the function that reports."""
-    begin = since or time.perf_counter()
+def compiling(report: Report | None) -> Iterator[Report]:
+    """Context that reports each kernel compiled in it and the time since its start, on the terminal
+    if there is no `report`; yields the function that reports."""
+    begin = time.perf_counter()
     # disable=None: only on terminals.
     line = tqdm(
         bar_format="{postfix}",
@@ -117,11 +104,7 @@ def compiling(report: Report | None, since: float | None = None) -> Iterator[Rep
         leave=False,
         file=sys.stderr,
     )
-
-    def on_line(doing: str, important: bool = False) -> None:
-        line.set_postfix_str(doing)
-
-    tell = report or on_line
+    tell = report or line.set_postfix_str
 
     def next_kernel(name: str) -> None:
         tell(f"compiling {name}, {time.perf_counter() - begin:.1f} s")

@@ -96,7 +96,7 @@ class Recorder(Audience):
         row.receive()
         if self.outputs.data and not self.motions:
             self._begin(row.lead)
-        return self.done < self.frames and not row.lead.ended
+        return self.done < self.frames and not row.ended
 
     def controls(self, row: Row) -> Controls:
         return Controls(hidden=self.sampled)
@@ -114,9 +114,6 @@ class Recorder(Audience):
     def _write_bodies(self, path: Path, show: Show) -> None:
         vtu.write_bodies(path, show.simulation, self.numbers)
 
-    def within(self, row: Row, share: float) -> None:
-        self.progress.within(share, row.lead.pace)
-
     def observe(self, row: Row) -> None:
         if not row.lead.new:
             return
@@ -132,9 +129,9 @@ class Recorder(Audience):
 
     def _write(self, row: Row) -> None:
         """Writes a frame to all outputs."""
-        if row.picture:
+        if row.lead.size:
             alpha = row.lead.scene.picture.alpha
-            self.last = row.lead.display.matted_image() if alpha else row.picture.to_numpy_u8()
+            self.last = row.lead.display.matted_image() if alpha else row.to_numpy_u8()
             for path, writer in zip(self.videos, self.writers or self._open(alpha), strict=True):
                 with self._writing(path):
                     writer.append_data(even(self.last))

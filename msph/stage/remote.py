@@ -3,7 +3,6 @@
 import contextlib
 import math
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from multiprocessing.connection import Connection
@@ -12,18 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from msph.errors import MsphError
 from msph.fluid.boundary.walls import wall_constants
 from msph.launches import watch_compiling
 from msph.measure.bulk import bulk_density
-from msph.measure.timings import Timings
 from msph.scene.build import roomy_plan_of
 from msph.scene.live import read
 from msph.stage.controls import Controls, Inputs
 from msph.stage.display import Display
-from msph.stage.link import END, Answer, Command, Doing, Failed, Order, Ready
+from msph.stage.link import END, Answer, Command, Order, Ready, SimulationError
 from msph.stage.preparation import Report, compiling, say_ready
-from msph.stage.row import KEPT_FRAMES, PATIENCE, Row
+from msph.stage.row import PATIENCE, Row
 from msph.stage.shown_scene import ShownScene
 from msph.state import Moment, Wanted
 from msph.transfer import SharedArrays, give_back, own_state, receive
@@ -32,14 +29,6 @@ from msph.transfer import SharedArrays, give_back, own_state, receive
 LAST_WAIT = 1.0
 # Time [s] for which a number is measured after the window has read it.
 RECENT = 1.0
-
-
-class SimulationError(MsphError):
-    """An error of the simulations' process."""
-
-    def __init__(self, problem: str, code: int = MsphError.EXIT_CODE):
-        super().__init__(problem)
-        self.EXIT_CODE = code
 
 
 class Remote:
@@ -56,6 +45,8 @@ class Remote:
         self.serial = 0  # of the last order
         self.left = math.inf  # number of frames that may still be asked for
         self.shows: list[RemoteShow] = []
+        self.given = Inputs()  # changes and reset of the next Command
+        self.asked: dict[str, Any] = {}  # keep and reopen of the next Command
 
     def __enter__(self) -> "Remote":
         return self
@@ -77,8 +68,6 @@ class Remote:
         SimulationError."""
         self.end()
         begin = time.perf_counter()
-        if report:
-            report("building the scene", important=True)
         self.serial += 1
         self.left = order.frames or math.inf
         self._send(replace(order, serial=self.serial))
@@ -86,7 +75,8 @@ class Remote:
         self.doing, self.since = "building the scene", begin
         with compiling(report) as tell, watch_compiling(self._check):
             row = Row.arranged(partial(RemoteShow, self, order), order.labels, size, below)
-            self.shows = row.shows
+            row.remote, self.shows = self, row.shows
+            self.given, self.asked = Inputs(), {}
             for show in self.shows:
                 show.warm_up(order.whole)
             ready = self._wait_for(Ready, tell, begin)
@@ -111,9 +101,14 @@ class Remote:
             report(f"simulation: {self.doing}, {time.perf_counter() - begin:.1f} s")
         return message
 
-    def give(self, command: Command) -> None:
-        """Sends the input of the next frame."""
-        self._send(command)
+    def give(self, controls: Controls) -> None:
+        """Sends the input of the next frame, unless an answer is owed or no frame is left."""
+        if self.busy or not self.left:
+            return
+        given, asked, self.given, self.asked = self.given, self.asked, Inputs(), {}
+        changed = {**given.set, **controls.set}
+        controls = replace(controls, set=changed, reset=controls.reset or given.reset)
+        self._send(Command(controls, [show.wanted() for show in self.shows], **asked))
         self.left -= 1
         self.busy, self.doing, self.since = True, "", time.perf_counter()
 
@@ -158,11 +153,11 @@ class Remote:
             raise self._lost() from None
         if serial not in (0, self.serial):
             return None
-        if isinstance(message, Failed):
+        if isinstance(message, SimulationError):
             self.running = self.building = self.busy = False
-            raise SimulationError(message.problem, message.code)
-        if isinstance(message, Doing):
-            self.doing = message.text
+            raise message
+        if isinstance(message, str):
+            self.doing = message
         return message
 
     def _lost(self) -> SimulationError:
@@ -184,35 +179,20 @@ class RemoteShow(ShownScene):
         super().__init__(scene)
         self.remote, self.place, self.size = remote, place, size
         self.frame_time = order.frame_time_of(place)
-        self.timings = Timings(keep=KEPT_FRAMES)
         spare, room = (order.options.get(name, 0) for name in ("spare", "room"))
         self.interactive = order.options.get("interactive", False)
         self.state = own_state(roomy_plan_of(scene, spare, room))
-        self.display: Any = Display(
-            self.state, scene, size, False, self.timings, scalable=self.interactive
-        )
+        self.display: Any = Display(self, size)
         self.display.reset()
         self.arrays: Any = None
         self.simulated, self.fresh, self.new = 0.0, False, False
         self.reported: dict[str, float] = {}
-        self.asked: dict[str, Any] = {}  # keep and reopen of the next Command
-        self.given = Inputs()  # changes and reset of the next Command
         self.numbers: dict[str, float] = {}
         self.read: dict[str, float] = {}  # time [s] at which a number was read last
-        # Called by the frame loop after steps, which are not seen here.
-        self.on_progress: Callable[[float], None] | None = None
 
     @property
     def now(self) -> Moment:  # type: ignore[override]
         return self.state.now
-
-    @property
-    def busy(self) -> bool:  # type: ignore[override]
-        return self.remote.busy
-
-    @property
-    def ended(self) -> bool:  # type: ignore[override]
-        return self.remote.left == 0 and not self.busy and not self.fresh
 
     def _changed(self, key: str) -> None:
         if key.startswith("picture."):
@@ -232,7 +212,7 @@ class RemoteShow(ShownScene):
         """Takes an answer of the simulation."""
         resets, k = self.now.resets, self.place
         # Numbers from before a reset are unknown after it.
-        self.numbers = {} if self.given.reset else answer.numbers[k]
+        self.numbers = {} if self.remote.given.reset else answer.numbers[k]
         receive(self.state, answer.packets[k], self.arrays.sets[answer.index])
         self.simulated, self.note = self.now.simulated, answer.notes[k] or self.note
         # A recording does not contain the initial state.
@@ -252,11 +232,11 @@ class RemoteShow(ShownScene):
     def set(self, key: str, value: float | None) -> None:
         """Sets a live parameter here at once, and in the simulation with the next input."""
         super().set(key, value)
-        self.given.set[key] = value
+        self.remote.given.set[key] = value
 
     def reset(self) -> None:
         """Resets the simulation with the next input."""
-        self.given.reset, self.numbers = True, {}
+        self.remote.given.reset, self.numbers = True, {}
 
     def number(self, name: str) -> float:
         """Returns a number of the simulation in its last answer (Order.numbers), NaN if it is
@@ -271,21 +251,11 @@ class RemoteShow(ShownScene):
         return replace(self.display.views.wanted, numbers=recent)
 
     def frame(self, controls: Controls) -> None:
-        """Sends the input, and meanwhile draws the last state."""
-        display = self.display
-        if controls.next_view:
-            display.views.next()
-        if self.place == 0 and not self.busy and self.remote.left:
-            wanted, given = [show.wanted() for show in self.remote.shows], self.given
-            changed = {**given.set, **controls.set}
-            controls = replace(controls, set=changed, reset=controls.reset or given.reset)
-            self.remote.give(Command(controls, wanted, **self.asked))
-            for show in self.remote.shows:
-                show.asked, show.given = {}, Inputs()
+        """Draws the last state, while the simulation computes the next one."""
         self.new, self.fresh = self.fresh, False
         self.compile_later()
         if self.new or self.interactive:
-            display.frame(controls, self.new)
+            self.display.frame(controls, self.new)
         self.timings.close_frame()
 
     def draw(self) -> None:
@@ -294,11 +264,11 @@ class RemoteShow(ShownScene):
 
     def keep(self, checkpoint: Path) -> None:
         """Saves a checkpoint after the present frame."""
-        self.asked["keep"] = checkpoint
+        self.remote.asked["keep"] = checkpoint
 
     def reopen(self, checkpoints: list[Path], otherwise: str) -> None:
         """Continues from the first of these checkpoints that fits, or says `otherwise`."""
-        self.asked |= {"reopen": checkpoints, "otherwise": otherwise}
+        self.remote.asked |= {"reopen": checkpoints, "otherwise": otherwise}
 
     def _inside(self) -> tuple[np.ndarray, np.ndarray]:
         """Returns position [m] and spacing [m] of the particles within the walls."""
@@ -319,8 +289,6 @@ class RemoteShow(ShownScene):
 
     def close(self) -> None:
         """Drops all parts, so that other scenes can use their memory."""
-        if self.place == 0:
-            self.remote.end()
         give_back(self.state)
         if self.arrays:
             self.arrays.close()

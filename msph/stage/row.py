@@ -24,8 +24,6 @@ GAP, GROUND = 2, (0.04, 0.08, 0.12)
 # Largest height of a label, and the distance of labels over images from the top, below the status
 # line [text heights]; frames between two updates of a label.
 LABEL_HEIGHT, TOP, EVERY = 4.6, 2.6, 40
-# Number of frames for the median time on a label.
-KEPT_FRAMES = 60
 # Time [s] for which a window waits for its simulations before it shows the last image again.
 PATIENCE = 0.05
 # Time [s] from which a wait for the simulations is shown.
@@ -49,9 +47,12 @@ class Row:
     shows: with images of width_of_each() pixels, or without images. labels: names, displayed with
     speed and error; "" for no label. size (width, height) [pixels] of the common image, with
     `below` free pixels at the lower edge and above them `strip` pixels for the labels, 0 for labels
-    over the images; None for a single show's image, or no image. restart: message where an unstable
+    over the images; None for a single show's image, or no image. remote: the other process in which
+    the simulations run, None for this one. restart: message where an unstable
     simulation begins again, and with it all others; "" where it raises BlowUpError.
     """
+
+    remote: Any = None
 
     def __init__(
         self,
@@ -119,31 +120,33 @@ class Row:
         return self.shows[0]
 
     @property
-    def picture(self) -> Any:
-        """The row itself as a picture (image, scale, draw), None without images."""
-        return self if self.lead.size else None
-
-    @property
     def busy(self) -> bool:
         """True while simulations in another process have not answered the last input: further
         input for them waits."""
-        return self.lead.busy
+        return self.remote is not None and self.remote.busy
+
+    @property
+    def ended(self) -> bool:
+        """True if all frames that were ordered of another process have been drawn."""
+        return self.remote is not None and not (self.remote.left or self.busy or self.lead.fresh)
 
     @property
     def waiting(self) -> str:
         """Message about a long wait for simulations in another process, "" without one."""
-        if not self.busy or (waited := time.perf_counter() - self.lead.remote.since) < LATE:
+        if not self.busy or (waited := time.perf_counter() - self.remote.since) < LATE:
             return ""
-        doing = self.lead.remote.doing
+        doing = self.remote.doing
         return f"waiting for the simulation, {doing and f'{doing}, '}{waited:.1f} s"
 
     def receive(self, patience: float = PATIENCE) -> None:
         """Waits at most `patience` [s] for simulations in another process."""
-        if self.lead.parallel:
-            self.lead.remote.receive(patience)
+        if self.remote:
+            self.remote.receive(patience)
 
     def close(self) -> None:
         """Frees the memory of all simulations, which cannot be used afterwards."""
+        if self.remote:
+            self.remote.end()
         for show in self.shows:
             show.close()
         # Objects with kernels are in reference cycles.
@@ -162,14 +165,16 @@ class Row:
 
     def _frame(self, controls: Controls) -> None:
         lead = self.lead
+        if self.remote:
+            self.remote.give(controls)
         lead.frame(controls)
         # If the lead's frame was undone for a stopped body, all shows wait.
         waits = lead.simulated == 0.0
         same = replace(controls, frame_time=lead.simulated or None, until=None, still=waits)
         for show, home in zip(self.shows[1:], self.homes[1:], strict=True):
-            if self.picture:
+            if lead.size:
                 self._match_view(show, home)
-            show.frame(replace(same, next_view=False, budget=None))
+            show.frame(replace(same, budget=None))
         if not controls.hidden:
             self.draw_together()
 
@@ -239,7 +244,7 @@ class Row:
         )
         return pixels / self.size
 
-    # Methods of Show and Picture, applied to all shows.
+    # Applied to all shows.
 
     def set(self, key: str, value: float | None) -> None:
         for show in self.shows:
@@ -276,8 +281,7 @@ def show_with_picked(row: Row) -> Any:
 
 def speed_and_error(show: Any) -> list[str]:
     """Returns label lines: number of particles, fluid time per frame, bulk density error."""
-    frames = show.timings.frames if show.timings else []
-    fluid = [frame["fluid"] for frame in frames if "fluid" in frame]
+    fluid = [frame["fluid"] for frame in show.timings.frames if "fluid" in frame]
     lines = [f"{show.state.particles.count:,} particles"]
     if fluid:
         lines[0] += f", {1e3 * float(np.median(fluid)):.1f} ms"

@@ -5,7 +5,6 @@ from dataclasses import replace
 from msph.errors import MsphError
 from msph.options import AS_GIVEN, AUTO, QUALITIES
 from msph.scene.quality import at_quality
-from msph.scene.schema import Scene
 from msph.stage.autosave import lost_session, session_file
 from msph.stage.choice import Choice, SceneArguments
 from msph.stage.ggui_window import Window
@@ -14,7 +13,7 @@ from msph.stage.link import Files, Order
 from msph.stage.loop import run
 from msph.stage.lost_display import completing
 from msph.stage.player import Player
-from msph.stage.preparation import Report, say
+from msph.stage.preparation import say
 from msph.stage.recorded_input import Header
 from msph.stage.remote import Remote
 from msph.stage.row import Row
@@ -75,20 +74,12 @@ class Session:
             # Scenes are compared at their own resolution.
             quality = AS_GIVEN
         elif quality == AUTO:
-            quality = self._find_quality(first, choice)
+            quality = finest_in_real_time(first, choice.scene, self.window, self.remote)
         choice = replace(choice, found=quality)
         tried = [at_quality(scene, quality, choice.scene) for scene in scenes.values()]
         files, self.files = self._files_of(choice), Files()
         order = Order(tried, list(scenes), files)
         return self.remote.row(order, self.window.size, self.window.report), choice
-
-    def _find_quality(self, scene: Scene, choice: Choice) -> str:
-        """Returns the finest quality in real time."""
-
-        def build(tried: Scene, report: Report | None) -> Row:
-            return self.remote.row(Order([tried], whole=True), self.window.size, report)
-
-        return finest_in_real_time(scene, choice.scene, self.window, build)
 
     def _files_of(self, choice: Choice) -> Files:
         """Returns the files of a choice: recording and replay are those of the first scene."""

@@ -2,10 +2,10 @@
 
 import contextlib
 import math
+import time
 from collections.abc import Callable
 from functools import cached_property, partial
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,6 @@ import numpy as np
 from msph.errors import MsphError
 from msph.fluid.boundary.rim import AllSpiltError
 from msph.fluid.moving_box import MovingBox
-from msph.fluid.stages import Stage, no_stage
 from msph.measure.bulk import bulk_density
 from msph.measure.first_pressure import with_first_pressures
 from msph.measure.ledger import Ledger
@@ -64,7 +63,6 @@ class Show(ShownScene):
         size: tuple[int, int] | None = None,
         meshes: bool = False,
         timings: Timings | None = None,
-        clock: Callable[[], float] = perf_counter,
         density_every: float = 0.0,
         stop_bodies: bool = False,
         interactive: bool = False,
@@ -72,18 +70,10 @@ class Show(ShownScene):
         spare: int = 0,
         room: int = 0,
     ):
-        super().__init__(scene)
+        super().__init__(scene, timings)
         self.frame_time = frame_time
-        self.timings = timings
-        # Timers of the stages of a frame, and of the parts of a step.
-        self._stage: Stage = no_stage
-        self.substage: Stage = no_stage
-        if timings:
-            self._stage, self.substage = timings.stage, timings.substage
-        self.clock = clock
+        self.clock = time.perf_counter
         self.simulated = 0.0
-        # Called after each step with the completed share (0 to 1) of its frame.
-        self.on_progress: Callable[[float], None] | None = None
         self.size, self.meshes = size, meshes
         self.stop_bodies, self.interactive = stop_bodies, interactive
         self.free_steps = free_steps
@@ -112,8 +102,7 @@ class Show(ShownScene):
     @cached_property
     def display(self) -> Any:
         """Surface, image and camera."""
-        more = self.size, self.meshes, self.timings, self.interactive and bool(self.size)
-        return Display(self.state, self.initial, *more)
+        return Display(self, self.size, self.meshes)
 
     def load(self, size: tuple[int, int] | None) -> None:
         """Prepares images of another size, None for no images, also after Simulation.unpark()."""
@@ -141,8 +130,7 @@ class Show(ShownScene):
             self.later.pop(0)()
         self.reset()
         self.frames = 0
-        if self.timings:
-            self.timings.discard()
+        self.timings.discard()
 
     def _later_kernels(self) -> list[Callable[[], Any]]:
         """Returns functions that compile kernels without effect on the next frame: for whitewater,
@@ -165,13 +153,11 @@ class Show(ShownScene):
             self.set(key, value)
         if controls.reset:
             self.reset()
-        if controls.next_view and self.size:
-            self.display.views.next()
         if self.frames:
             self.compile_later()
         external, self.simulated = self._moving_box(controls), 0.0
         if not controls.still:
-            with self._stage("fluid"):
+            with self.timings.stage("fluid"):
                 self.simulated = self._advance(controls, external)
                 if self.simulation.openings.waiting:
                     self.note = self.simulation.openings.message() or ""
@@ -183,8 +169,7 @@ class Show(ShownScene):
             self.take()
             self.display.frame(controls)
         self.frames += 1
-        if self.timings:
-            self.timings.close_frame()
+        self.timings.close_frame()
 
     def _advance(self, controls: Controls, external: MovingBox) -> float:
         """Advances the fluid by a frame and returns the simulated time [s]."""
@@ -193,7 +178,7 @@ class Show(ShownScene):
             sim.advance,
             frame_time,
             external,
-            self.substage,
+            self.timings.substage,
             controls.budget,
             self.clock,
             self.on_progress,
@@ -297,7 +282,7 @@ class Show(ShownScene):
             spilt=sim.rim.mass,
             energy=last.energy if last else math.nan,
             solver_residual=self.now.solver_residual if last and math.isnan(residual) else residual,
-            fluid=self.timings.spent("fluid") if self.timings else 0.0,
+            fluid=self.timings.spent("fluid"),
             resets=self.resets,
             stopped=frozenset(self.stops.stopped),
             waiting=sim.openings.message() or "",

@@ -5,11 +5,15 @@ from collections.abc import Callable
 from typing import Any
 
 from msph.launches import run_in_steps
+from msph.measure.timings import Timings
 from msph.scene.live import live_parameters, read, with_live_value
 from msph.scene.parts import value_of, with_value
 from msph.scene.schema import Scene
 from msph.state import Moment, State
 from msph.surface import SurfaceMesh
+
+# Number of frames whose times are kept, for the median on a label.
+KEPT_FRAMES = 60
 
 
 class ShownScene:
@@ -17,21 +21,22 @@ class ShownScene:
 
     scene: with the present live parameters; initial: without changes; live: keys of the live
     parameters, of which a viscosity set to 0 remains one. now: numbers of the last frame; state:
-    what is drawn, by `display`. note: message to the user about the last frame. busy: True while
-    the simulation has not answered the last input; parallel: it runs while images are drawn; new:
-    the last frame drew a new state; fresh: a new state has not been drawn; ended: all frames that
-    were ordered have been drawn.
+    what is drawn, by `display`. note: message to the user about the last frame. interactive: see
+    Show; parallel: True for a simulation of another process, which runs while images are drawn;
+    new: the last frame drew a new state; fresh: a new state has not been drawn.
     """
 
+    interactive: bool
     state: State
     display: Any
     now: Moment
-    # A simulation of this process has always answered.
-    busy = parallel = ended = False
-    fresh = new = True
+    parallel, fresh, new = False, True, True
+    # Called after each step in this process with the completed share (0 to 1) of its frame.
+    on_progress: Callable[[float], None] | None = None
 
-    def __init__(self, scene: Scene):
+    def __init__(self, scene: Scene, timings: Timings | None = None):
         self.scene = self.initial = scene
+        self.timings = timings or Timings(keep=KEPT_FRAMES)
         self.live = {live.key for live in live_parameters(scene)}
         self.later: list[Callable[[], Any]] = []  # compile kernels in later frames
         self.note = ""
@@ -67,7 +72,8 @@ class ShownScene:
 
     def warnings(self) -> list[str]:
         """Returns warnings about a truncated mesh, waiting inflows and stopped bodies."""
-        overflow = self.display.overflow() if self.draws else None
+        surface = self.display.surface if self.draws else None
+        overflow = surface.mesh.overflowed() if surface else None
         told = [text for text in (overflow, self.now.waiting) if text]
         stopped = sorted(self.now.stopped)
         return [*told, *(f"{name} stopped: it had trapped water" for name in stopped)]

@@ -13,7 +13,7 @@ from msph.scene.errors import SceneError
 from msph.stage.autosave import Autosaver
 from msph.stage.controls import Controls
 from msph.stage.input_relays import InputRecorder, Replayer
-from msph.stage.link import END, Answer, Command, Doing, Failed, Files, Order, Ready
+from msph.stage.link import END, Answer, Command, Files, Order, Ready, SimulationError
 from msph.stage.loop import Audience, Witness, run
 from msph.stage.preparation import built_row, described
 from msph.stage.progress import Progress
@@ -30,7 +30,7 @@ def serve(connection: Connection, arch: str, threads: int | None) -> None:
             if order != END:  # the simulations had failed when it was sent
                 _run(order, connection)
     except MsphError as error:
-        connection.send((0, Failed(str(error), error.EXIT_CODE)))
+        connection.send((0, SimulationError(str(error), error.EXIT_CODE)))
     except (EOFError, ConnectionError, KeyboardInterrupt):
         return
 
@@ -43,22 +43,19 @@ def _run(order: Order, connection: Connection) -> None:
     def tell(message: Any) -> None:
         connection.send((order.serial, message))
 
-    def report(doing: str, important: bool = False) -> None:
-        tell(Doing(doing))
-
     try:
-        row = built_row(order, report=report)
+        row = built_row(order, report=tell)
         follower = Follower(row, connection.recv, tell, order)
-        with watch_compiling(lambda name: report(f"compiling {name}")):
+        with watch_compiling(lambda name: tell(f"compiling {name}")):
             audience, witnesses = with_files(follower, row, order)
             follower.begin()
             run(row, audience, witnesses=witnesses)
     except MsphError as error:
-        tell(Failed(str(error), error.EXIT_CODE))
+        tell(SimulationError(str(error), error.EXIT_CODE))
     except (EOFError, ConnectionError):
         raise
     except Exception as error:
-        tell(Failed(unexpected(error), MsphError.EXIT_CODE))
+        tell(SimulationError(unexpected(error)))
     finally:
         if follower:
             follower.free()
@@ -135,10 +132,6 @@ class Follower(Audience):
         if given.reopen is not None:
             row.lead.reopen(given.reopen, given.otherwise)
         return given.controls
-
-    def within(self, row: Row, share: float) -> None:
-        if self.progress:
-            self.progress.within(share, row.lead.pace)
 
     def observe(self, row: Row) -> None:
         if self.progress and self.given.wanted:

@@ -157,7 +157,8 @@ class Toolbox:
         if use is None:
             self.touch = None
         else:
-            if self.touch is None or self.touch.ends_with(use):
+            # Another press.
+            if self.touch is None or use.tool != self.touch.tool or use.held == use.step:
                 self.touch = Touch(self.simulation, self.rng)
             self.touch.update(use, play, box)
             tool = BY_NAME[use.tool]

@@ -21,11 +21,15 @@ LEAST_GRAVITY = 1.0
 
 
 class Touch:
-    """Use of one tool on a simulation, from the press of the button to its release.
+    """Use of one tool on a simulation, from the press of the button to its release. kept: what the
+    tool keeps from frame to frame.
 
-    update() sets the attributes of a frame: play, the parameters of hands; box, with gravity; and
-    the attributes of ToolUse, with arrays (3,). kept: what the tool keeps from frame to frame;
-    wall: place [m] that the tool asks of the piston in this frame, None without a drag.
+    update() sets the attributes of a frame: play, the parameters of hands; box, with gravity; the
+    attributes of ToolUse, with arrays (3,); began: True in the frame of the press; size: edges of
+    the box [m]; spacing [m] of the finest particles; breadth [m]: scale of what tools move or add;
+    radius [m] of a push; up: vertical unit vector in the box frame; gravity: its absolute value
+    [m/s^2], positive in weightless scenes, too; wall: place [m] that the tool asks of the piston,
+    None without a drag.
     """
 
     def __init__(self, simulation: Simulation, rng: np.random.Generator):
@@ -38,47 +42,15 @@ class Touch:
         self.tool, self.step, self.held = use.tool, use.step, use.held
         self.place, self.velocity = np.array(use.place), np.array(use.velocity)
         self.start, self.surface = np.array(use.start), np.array(use.surface)
-        self.direction = np.array(use.direction)
-
-    def ends_with(self, use: ToolUse) -> bool:
-        """Returns True if a use belongs to another press."""
-        return use.tool != self.tool or use.held == use.step
-
-    @property
-    def began(self) -> bool:
-        """True in the frame of the press."""
-        return self.held == self.step
-
-    @property
-    def size(self) -> np.ndarray:
-        """Edges of the box [m]."""
-        return np.array(self.simulation.size)
-
-    @property
-    def spacing(self) -> float:
-        """Spacing of the finest particles [m]."""
-        return self.simulation.layers.finest.spacing
-
-    @property
-    def breadth(self) -> float:
-        """Geometric mean of the box's length and width [m], the scale of what tools move or add: a
-        share of the longest edge would fill a deep pool or a channel."""
-        return math.sqrt(self.size[0] * self.size[2])
-
-    @property
-    def radius(self) -> float:
-        """Radius of a push [m]."""
-        return max(self.play.push_radius * self.breadth, LEAST_RADIUS * self.spacing)
-
-    @property
-    def up(self) -> np.ndarray:
-        """Vertical unit vector in the box frame."""
-        return self.box.up
-
-    @property
-    def gravity(self) -> float:
-        """Absolute value of gravity [m/s^2], positive in weightless scenes, too."""
-        return least_gravity(self.box)
+        self.direction, self.began = np.array(use.direction), use.held == use.step
+        self.size, self.spacing = (
+            np.array(self.simulation.size),
+            self.simulation.layers.finest.spacing,
+        )
+        # A share of the longest edge would fill a deep pool or a channel.
+        self.breadth = math.sqrt(self.size[0] * self.size[2])
+        self.radius = max(play.push_radius * self.breadth, LEAST_RADIUS * self.spacing)
+        self.up, self.gravity = box.up, least_gravity(box)
 
     def aim(self, room: float, back: float, speed: float) -> tuple[np.ndarray, np.ndarray]:
         """Returns start (3,) [m] and velocity (3,) [m/s] of a throw towards the water. back [m]:

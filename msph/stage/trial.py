@@ -3,7 +3,6 @@
 import contextlib
 import hashlib
 import time
-from collections.abc import Callable
 
 import taichi as ti
 
@@ -19,29 +18,21 @@ from msph.stage.controls import Controls
 from msph.stage.ggui_window import Window
 from msph.stage.link import Order
 from msph.stage.pacer import PLANNED, RATES, SCALES
-from msph.stage.preparation import Report, named, prepare_row, say
-from msph.stage.row import Row
+from msph.stage.preparation import named, prepare_row, say
+from msph.stage.remote import Remote
 
 # Wall-clock time of a trial [s], number of frames before it (compilation), and image size without a
 # window [pixels].
 SECONDS, UNTIMED, SIZE = 0.5, 3, (960, 540)
 
 
-# Builds a scene that is ready for all frames, and reports the progress.
-Build = Callable[[Scene, Report | None], Row]
-
-
-def build_here(scene: Scene, report: Report | None) -> Row:
-    """Builds a scene as for a window, in this process."""
-    return prepare_row(Order([scene], whole=True), SIZE)
-
-
 def finest_in_real_time(
-    scene: Scene, name: str, window: Window | None = None, build: Build = build_here
+    scene: Scene, name: str, window: Window | None = None, remote: Remote | None = None
 ) -> str:
     """Returns the finest quality that runs in real time, the coarsest possible one if none does,
-    and AS_GIVEN for a single quality. The window, if any, shows the progress. The result is
-    remembered for later starts on this machine.
+    and AS_GIVEN for a single quality. The simulations run for the window, which shows the progress,
+    in another process, without both in this one. The result is remembered for later starts on this
+    machine.
 
     Coarse qualities are tried first: on a slow machine a fine one takes long to build, and its
     loops over many particles would be compiled without use."""
@@ -60,7 +51,7 @@ def finest_in_real_time(
             tried = at_quality(scene, quality, name)
         except SceneError:
             continue  # its particles do not fit the box or the bodies
-        factor = real_time_factor(tried, quality, window, build)
+        factor = real_time_factor(tried, quality, window, remote)
         say(f"{name}: quality {quality} runs at {factor:.1f} times real time")
         fits = factor * PLANNED >= 1.0
         if fits or not best:
@@ -84,15 +75,20 @@ def _key(scene: Scene, window: Window | None) -> str:
     return f"quality of scene {digest} at {width}x{height} on {machine()}, {threads}"
 
 
-def real_time_factor(scene: Scene, quality: str, window: Window | None, build: Build) -> float:
+def real_time_factor(
+    scene: Scene, quality: str, window: Window | None, remote: Remote | None
+) -> float:
     """Returns the real-time factor over the scene's play.speed (-), at the lowest frame rate and
     image scale of `play`."""
     fps, doing = scene.play.fps, f"trying quality {quality}"
     controls = Controls(
         budget=SECONDS, scale=SCALES[-1], frame_time=scene.play.speed / (RATES[-1] * fps)
     )
-    report = named(window.report, doing) if window else None
-    row = build(scene, report)
+    order = Order([scene], whole=True)
+    if window and remote:
+        row = remote.row(order, window.size, named(window.report, doing))
+    else:
+        row = prepare_row(order, SIZE)
     for _ in range(UNTIMED):
         row.frame(controls)
         row.receive(SECONDS)

@@ -45,11 +45,6 @@ class ViewFields:
             self.value[i] = scale * self.particles.viewed[i] + shift
 
     @kernel
-    def read_radii(self, found: ti.types.ndarray(dtype=ti.f32, ndim=1)):
-        for i in range(found.shape[0]):
-            found[i] = self.radius[i]
-
-    @kernel
     def find_range(self, n: ti.i32) -> ti.math.vec2:
         """Returns the least and largest value."""
         least, most = math.inf, -math.inf
@@ -114,9 +109,7 @@ class Views:
 
     def radii(self) -> np.ndarray:
         """Returns the radius of every particle [m], (count,); 0 for hidden ones."""
-        found = np.empty(self.state.particles.count, np.float32)
-        self.shown.read_radii(found)
-        return found
+        return self.radius.to_numpy()[: self.state.particles.count]
 
     def legend(self, lo: float, hi: float) -> Legend | None:
         """Returns the legend of the colours from lo to hi, None for a view without a legend."""

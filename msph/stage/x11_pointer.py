@@ -9,7 +9,7 @@ from ctypes import byref, c_char_p, c_int, c_uint, c_ulong, c_void_p
 
 
 class X11Pointer:
-    """Mouse pointer over the window with a title; has its own X connection."""
+    """Mouse pointer over the window whose title begins with `title`; has its own X connection."""
 
     def __init__(self, title: str):
         self.x11, self.title = ctypes.CDLL("libX11.so.6"), title.encode()
@@ -25,7 +25,8 @@ class X11Pointer:
             self.window, (below, *_) = below, self._query(below)
         name = c_char_p()
         self.x11.XFetchName(self.display, c_ulong(self.window), byref(name))
-        self.window *= name.value == self.title
+        # GGUI appends the frame rate.
+        self.window *= (name.value or b"").startswith(self.title)
 
     def position(self) -> tuple[int, int] | None:
         """Returns the position (right, down) [pixels from the window's corner], None if unknown."""

@@ -11,10 +11,9 @@ from msph.scene.live import live_parameters, read
 from msph.stage.layout import Layout
 from msph.stage.pacer import Pacer
 from msph.stage.panel import PAGES
-from msph.stage.row import Row
 from msph.stage.show import INTERACTIVE, Show
 from tests.scenes_kit import TEXT, WATER, write
-from tests.stage.player_kit import FRAME, SIZE, played
+from tests.stage.player_kit import FRAME, SIZE, Asked, played
 
 
 # Each file returns its fields to the stock, so that the next file compiles nothing.
@@ -64,7 +63,7 @@ def player(given, layout, tmp_path, monkeypatch):
     monkeypatch.setattr(Pacer, "budget", math.inf)
     # Left open by an earlier test.
     layout.panel, layout.page = "", PAGES[0]
-    player = played(Row([given]), layout)
+    player = played(Asked([given]), layout)
     player.saver.folder = tmp_path
     return player
 

@@ -6,7 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from msph.stage.choice import Choice, SceneArguments
+from msph.stage.controls import Inputs
 from msph.stage.player import Player
+from msph.stage.row import Row
 
 SIZE = WIDTH, HEIGHT = 480, 270
 FRAME = 1 / 60
@@ -39,6 +41,29 @@ class Screen:
 
     def show(self, image):
         self.image = image
+
+
+class Asked(Row):
+    """Row that applies changes and resets with the next input, as in another process."""
+
+    def __init__(self, *given):
+        super().__init__(*given)
+        self.given = Inputs()
+
+    def set(self, key, value):
+        self.given.set[key] = value
+
+    def reset(self):
+        self.given.reset = True
+
+
+class Sender(Player):
+    """Player whose input contains what it asks of an Asked row."""
+
+    def controls(self, row):
+        controls, given = super().controls(row), row.given
+        row.given = Inputs()
+        return replace(controls, set=given.set, reset=given.reset)
 
 
 def frames(player, _=None, number=1):
@@ -75,4 +100,5 @@ def wet_place(show):
 def played(row, layout, *, screen=None, choice=None, quality="medium"):
     choice = choice or Choice("pool", "auto")
     choice = replace(choice, found=quality)
-    return Player(screen or Screen(), row, choice, layout, SceneArguments("pool"))
+    kind = Sender if isinstance(row, Asked) else Player
+    return kind(screen or Screen(), row, choice, layout, SceneArguments("pool"))

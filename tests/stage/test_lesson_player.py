@@ -151,8 +151,8 @@ def test_help_covers_the_band_and_messages_are_above_it(player, row):
 def test_preparation_names_each_simulation():
     told = []
     for k, label in enumerate(("System 1: 0.2 kg", "System 2: 0.1 kg")):
-        report = named(lambda doing, important: told.append(doing), place(label, k, 2))
-        report("building the scene", True)
+        report = named(told.append, place(label, k, 2))
+        report("building the scene")
     assert told == [
         "System 1 (1 of 2): building the scene",
         "System 2 (2 of 2): building the scene",

@@ -48,112 +48,116 @@ def wide():
     return Layout((2 * WIDTH + 2, HEIGHT + BELOW))
 
 
-class TestRow:
-    """Tests of two simulations side by side with the same input."""
+@pytest.fixture
+def player(row, wide, tmp_path):
+    """Returns a player of both simulations."""
+    screen = Screen()
+    screen.size, screen.aspect = row.size, row.size[0] / row.size[1]
+    player = played(row, wide, screen=screen)
+    player.saver.folder = tmp_path
+    return player
 
-    def test_both_get_the_same_frames_and_are_rendered_side_by_side(self, row):
-        for _ in range(3):
-            row.frame(Controls(tilt=(0.2, 0.0), frame_time=FRAME))
-        first, second = row.shows
-        assert first.simulation.time == second.simulation.time == pytest.approx(3 * FRAME)
-        assert np.array_equal(first.pose.tilt, second.pose.tilt) and first.pose.tilt[0, 1] != 0.0
-        pixels = row.image.to_numpy()
-        beside = slice(WIDTH + 2, 2 * WIDTH + 2)
-        # Below the labels the row contains the rendered images unchanged.
-        low = slice(BELOW, BELOW + HEIGHT // 2)
-        assert np.array_equal(
-            pixels[:WIDTH, low], first.display.picture.image.to_numpy()[:, : HEIGHT // 2]
-        )
-        assert np.array_equal(
-            pixels[beside, low], second.display.picture.image.to_numpy()[:, : HEIGHT // 2]
-        )
-        assert row.to_numpy_u8().shape == (HEIGHT, 2 * WIDTH + 2, 3)
-        row.frame(Controls(still=True))
-        assert first.simulation.time == second.simulation.time == pytest.approx(3 * FRAME)
 
-    def test_a_slow_lead_limits_the_time_of_the_other(self, row):
-        """If the budget ends after one step of the lead, the other show advances no farther."""
-        row.frame(Controls(frame_time=5 * FRAME, budget=0.0))
-        first, second = row.shows
-        assert 0.0 < first.simulation.time < 5 * FRAME
-        assert second.simulation.time == pytest.approx(first.simulation.time)
+def test_both_get_the_same_frames_and_are_rendered_side_by_side(row):
+    for _ in range(3):
+        row.frame(Controls(tilt=(0.2, 0.0), frame_time=FRAME))
+    first, second = row.shows
+    assert first.simulation.time == second.simulation.time == pytest.approx(3 * FRAME)
+    assert np.array_equal(first.pose.tilt, second.pose.tilt) and first.pose.tilt[0, 1] != 0.0
+    pixels = row.image.to_numpy()
+    beside = slice(WIDTH + 2, 2 * WIDTH + 2)
+    # Below the labels the row contains the rendered images unchanged.
+    low = slice(BELOW, BELOW + HEIGHT // 2)
+    assert np.array_equal(
+        pixels[:WIDTH, low], first.display.picture.image.to_numpy()[:, : HEIGHT // 2]
+    )
+    assert np.array_equal(
+        pixels[beside, low], second.display.picture.image.to_numpy()[:, : HEIGHT // 2]
+    )
+    assert row.to_numpy_u8().shape == (HEIGHT, 2 * WIDTH + 2, 3)
+    row.frame(Controls(still=True))
+    assert first.simulation.time == second.simulation.time == pytest.approx(3 * FRAME)
 
-    def test_the_cursor_selects_the_simulation_under_it(self, row):
-        first, second = row.shows
-        for show, left in ((first, 0), (second, WIDTH + 2)):
-            cursor = np.array([left + 0.25 * WIDTH, BELOW + 0.5 * HEIGHT]) / row.size
-            under, place = row.show_under(cursor)
-            assert under is show and place == pytest.approx([0.25, 0.5])
-            assert row.to_window(show, np.array([[0.25, 0.5]]))[0] == pytest.approx(cursor)
 
-    def test_parameters_apply_only_to_simulations_that_have_them(self, row):
-        row.set("gravity", 5.0)
-        row.set("classic.stiffness", 100.0)
-        for show in row.shows:
-            assert math.hypot(*show.scene.gravity) == pytest.approx(5.0)
-            assert show.scene.classic.stiffness != 100.0
-        row.set("gravity", 9.81)
+def test_a_slow_lead_limits_the_time_of_the_other(row):
+    """If the budget ends after one step of the lead, the other show advances no farther."""
+    row.frame(Controls(frame_time=5 * FRAME, budget=0.0))
+    first, second = row.shows
+    assert 0.0 < first.simulation.time < 5 * FRAME
+    assert second.simulation.time == pytest.approx(first.simulation.time)
 
-    def test_a_push_in_the_second_image_pushes_both_simulations(self, row, wide, tmp_path):
-        screen = Screen()
-        screen.size, screen.aspect = row.size, row.size[0] / row.size[1]
-        player = played(row, wide, screen=screen)
-        player.saver.folder = tmp_path
-        frames(player, row, 2)
-        wet = wet_pixels(row.shows[1])
-        i, j = wet[len(wet) // 2][0]
-        screen.at = np.array([WIDTH + 2 + i, BELOW + j]) / row.size
-        screen.held = {"LMB"}
-        frames(player, row, 2)
-        for _ in range(6):
-            screen.at = screen.at + np.array([0.005, 0.0])
-            frames(player, row)
-        assert all(show.ledger.entries[-1].user_work > 0.0 for show in row.shows)
-        screen.held = set()
-        # Saved images contain both simulations.
-        press(player, row, "p")
-        (path,) = tmp_path.glob("*.png")
-        assert imageio.imread(path).shape == (HEIGHT, 2 * WIDTH + 2, 3)
 
-    def test_a_push_stays_in_the_simulation_that_it_began_in(self, row, wide):
-        """A push keeps to its simulation when the cursor enters the next image.
+def test_the_cursor_selects_the_simulation_under_it(row):
+    first, second = row.shows
+    for show, left in ((first, 0), (second, WIDTH + 2)):
+        cursor = np.array([left + 0.25 * WIDTH, BELOW + 0.5 * HEIGHT]) / row.size
+        under, place = row.show_under(cursor)
+        assert under is show and place == pytest.approx([0.25, 0.5])
+        assert row.to_window(show, np.array([[0.25, 0.5]]))[0] == pytest.approx(cursor)
 
-        Regression: the push jumped by a box's width where the cursor entered the next image.
-        """
-        screen = Screen()
-        screen.size, screen.aspect = row.size, row.size[0] / row.size[1]
-        player = played(row, wide, screen=screen)
-        frames(player, row, 2)
-        first = row.shows[0]
-        i, j = max(pixel for pixel, _ in wet_pixels(first))
-        screen.at = np.array([i, BELOW + j]) / row.size
-        screen.held = {"LMB"}
-        frames(player, row, 2)
-        speeds = []
-        for right in range(i, WIDTH + 60, 6):
-            screen.at = np.array([right, BELOW + j]) / row.size
-            use = player.controls(row).use
-            speeds.append(math.hypot(*use.velocity) * player.pacer.frame_time)
-        assert max(speeds) < 0.1 * max(first.simulation.size)
-        assert row.show_under(screen.at)[0] is row.shows[1]
 
-    def test_resetting_a_setting_restores_the_value_of_each_scene(self, row, wide):
-        second = row.shows[1]
-        player = played(row, wide)
-        second.initial = with_live_value(second.initial, "gravity", 3.0)
-        player.menu.set("gravity", 7.0)
-        frames(player)
-        assert math.hypot(*second.scene.gravity) == pytest.approx(7.0)
-        player.menu.set("gravity", None)
-        frames(player)
-        assert math.hypot(*second.scene.gravity) == pytest.approx(3.0)
-        assert math.hypot(*row.lead.scene.gravity) == pytest.approx(9.81)
-        row.set("gravity", 9.81)
+def test_parameters_apply_only_to_simulations_that_have_them(row):
+    row.set("gravity", 5.0)
+    row.set("classic.stiffness", 100.0)
+    for show in row.shows:
+        assert math.hypot(*show.scene.gravity) == pytest.approx(5.0)
+        assert show.scene.classic.stiffness != 100.0
+    row.set("gravity", 9.81)
 
-    def test_checkpoints_require_a_single_simulation(self, row, wide, tmp_path):
-        screen = Screen()
-        screen.size = row.size
-        player = played(row, wide, screen=screen)
-        player.saver.folder = tmp_path
-        press(player, row, "k", "o")
-        assert not list(tmp_path.iterdir()) and "need a single simulation" in player.layout.message
+
+def test_a_push_in_the_second_image_pushes_both_simulations(row, player, tmp_path):
+    screen = player.window
+    frames(player, row, 2)
+    wet = wet_pixels(row.shows[1])
+    i, j = wet[len(wet) // 2][0]
+    screen.at = np.array([WIDTH + 2 + i, BELOW + j]) / row.size
+    screen.held = {"LMB"}
+    frames(player, row, 2)
+    for _ in range(6):
+        screen.at = screen.at + np.array([0.005, 0.0])
+        frames(player, row)
+    assert all(show.ledger.entries[-1].user_work > 0.0 for show in row.shows)
+    screen.held = set()
+    # Saved images contain both simulations.
+    press(player, row, "p")
+    (path,) = tmp_path.glob("*.png")
+    assert imageio.imread(path).shape == (HEIGHT, 2 * WIDTH + 2, 3)
+
+
+def test_a_push_stays_in_the_simulation_that_it_began_in(row, player):
+    """A push keeps to its simulation when the cursor enters the next image.
+
+    Regression: the push jumped by a box's width where the cursor entered the next image.
+    """
+    screen = player.window
+    frames(player, row, 2)
+    first = row.shows[0]
+    i, j = max(pixel for pixel, _ in wet_pixels(first))
+    screen.at = np.array([i, BELOW + j]) / row.size
+    screen.held = {"LMB"}
+    frames(player, row, 2)
+    speeds = []
+    for right in range(i, WIDTH + 60, 6):
+        screen.at = np.array([right, BELOW + j]) / row.size
+        use = player.controls(row).use
+        speeds.append(math.hypot(*use.velocity) * player.pacer.frame_time)
+    assert max(speeds) < 0.1 * max(first.simulation.size)
+    assert row.show_under(screen.at)[0] is row.shows[1]
+
+
+def test_resetting_a_setting_restores_the_value_of_each_scene(row, player):
+    second = row.shows[1]
+    second.initial = with_live_value(second.initial, "gravity", 3.0)
+    player.menu.set("gravity", 7.0)
+    frames(player)
+    assert math.hypot(*second.scene.gravity) == pytest.approx(7.0)
+    player.menu.set("gravity", None)
+    frames(player)
+    assert math.hypot(*second.scene.gravity) == pytest.approx(3.0)
+    assert math.hypot(*row.lead.scene.gravity) == pytest.approx(9.81)
+    row.set("gravity", 9.81)
+
+
+def test_checkpoints_require_a_single_simulation(row, player, tmp_path):
+    press(player, row, "k", "o")
+    assert not list(tmp_path.iterdir()) and "need a single simulation" in player.layout.message

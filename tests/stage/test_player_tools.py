@@ -10,6 +10,7 @@ import pytest
 from msph.fluid.boundary.opening import Opening
 from msph.fluid.boundary.rigid_bodies import Ball
 from msph.fluid.external_forces import as_vector
+from msph.fluid.moving_box import MovingBox
 from msph.fluid.simulation import FullError
 from msph.scene import load_scene
 from msph.stage.controls import Controls, ToolUse
@@ -299,5 +300,6 @@ def test_a_hand_is_narrower_than_the_pool(scene):
     finest = SimpleNamespace(spacing=0.0)
     sim = SimpleNamespace(size=loaded.box.size, layers=SimpleNamespace(finest=finest))
     touch = Touch(sim, np.random.default_rng())
-    touch.play = loaded.play
+    use, box = ToolUse.of("push", (np.zeros(3),) * 5, 1 / 60, 1 / 60), MovingBox(DOWN)
+    touch.update(use, loaded.play, box)
     assert touch.radius <= 0.7 * min(loaded.box.size[0], loaded.box.size[2])

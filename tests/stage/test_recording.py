@@ -8,7 +8,6 @@ import time
 import numpy as np
 import pytest
 
-from msph.measure.timings import Timings
 from msph.scene import load_scene
 from msph.stage import commands, loaded_scene
 from msph.stage.choice import Choice, SceneArguments
@@ -16,19 +15,18 @@ from msph.stage.controls import Controls
 from msph.stage.input_relays import InputRecorder, Replayer
 from msph.stage.layout import Layout
 from msph.stage.loop import Audience, run
-from msph.stage.player import Player
 from msph.stage.recorded_input import Header, Recording, RecordingError, read
 from msph.stage.row import Row
 from msph.stage.show import INTERACTIVE, SIMULATED, Show
 from msph.stage.tools import TOOLS
 from tests.command_kit import here
 from tests.scenes_kit import TEXT, WATER, write
-from tests.stage.player_kit import FRAME, SIZE, Screen
+from tests.stage.player_kit import FRAME, SIZE, Asked, Screen, Sender
 
 SCENE = TEXT.split("[classic]")[0] + WATER
 OVERRIDES = ("method=projection", "adaptation.enabled=true")
 FRAMES = 130
-TICK = 0.004  # [s]
+TICK = 0.01  # [s]
 
 
 class Script(Screen):
@@ -68,12 +66,11 @@ def played(tmp_path_factory):
 
 
 def session(folder, scene):
-    options = {"clock": time.perf_counter, "timings": Timings(keep=1), **INTERACTIVE}
-    show = Show(load_scene(scene, OVERRIDES), FRAME, SIZE, **options)
+    show = Show(load_scene(scene, OVERRIDES), FRAME, SIZE, **INTERACTIVE)
     show.warm_up()
     window, path = Script(), folder / "session.jsonl"
-    row, arguments = Row([show]), SceneArguments(scene, OVERRIDES)
-    window.player = Player(window, row, Choice(scene, "large"), Layout(SIZE), arguments)
+    row, arguments = Asked([show]), SceneArguments(scene, OVERRIDES)
+    window.player = Sender(window, row, Choice(scene, "large"), Layout(SIZE), arguments)
     header = Header.of(scene, "large", OVERRIDES)
     run(row, window.player, FRAMES, [InputRecorder(path, header)])
     state = show.simulation.state()
@@ -138,9 +135,9 @@ def test_a_replay_in_a_window_ignores_user_input_until_its_end(played):
     path, state = played
     recording = read(path)
     show = Show(load_scene(recording.header.scene, OVERRIDES), FRAME, SIZE, **INTERACTIVE)
-    row, window = Row([show]), Screen()
+    row, window = Asked([show]), Screen()
     choice, arguments = Choice("pool", "large"), SceneArguments("pool")
-    player = Player(window, row, choice, Layout(SIZE), arguments)
+    player = Sender(window, row, choice, Layout(SIZE), arguments)
     replayer = Replayer(player, recording, in_window=True)
     for k in range(len(recording.frames)):
         window.pressed = [" "] if k in (40, 41) else ["e"]

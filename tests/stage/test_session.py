@@ -33,7 +33,7 @@ class Window(Screen):
     def begin(self, title):
         self.report("building the scene")
 
-    def report(self, doing, important=False):
+    def report(self, doing):
         self.told.append(doing)
         if len(self.told) == self.closes:
             raise ClosedError

@@ -40,7 +40,8 @@ def test_new_time_a_reset_another_view_and_a_parameter_are_drawn(show):
     assert "Picture.rasterise" in frame(show)[0]
     assert "Picture.rasterise" in frame(show, still=True, reset=True)[0]
     assert "Picture.rasterise" in frame(show, still=True, set={"picture.tint": 8.0})[0]
-    assert "ParticlesView.draw" in frame(show, still=True, next_view=True)[0]
+    show.display.views.next()
+    assert "ParticlesView.draw" in frame(show, still=True)[0]
     show.display.views.name = "water"
     assert "Picture.rasterise" in frame(show, still=True)[0]
     assert "Picture.rasterise" not in frame(show, still=True)[0]

@@ -19,7 +19,7 @@ from tests.stage.window_kit import (
     PATIENCE,
     WIDTH,
     needs_x,
-    play,
+    playing,
     wait_for,
     wait_for_file,
 )
@@ -40,8 +40,7 @@ msph.cli.main()
 def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
     arguments = (write(tmp_path), "--size", f"{WIDTH}x{HEIGHT}")
     (tmp_path / "alone.py").write_text(ALONE)
-    process = play(*arguments, display=display.display, folder=tmp_path, run=("alone.py",))
-    try:
+    with playing(display, tmp_path, *arguments, run=("alone.py",)) as process:
         seen = wait_for(process, "ready in")
         assert "pause and resume" in seen and "left drag" in seen
         screen = display
@@ -95,8 +94,6 @@ def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
         screen.send("key", "q")
         assert process.wait(timeout=PATIENCE) == 0
         assert not (tmp_path / "imgui.ini").exists(), "GGUI's settings, which nobody asked for"
-    finally:
-        process.kill()
 
 
 @pytest.mark.slow
@@ -104,8 +101,7 @@ def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
 def test_a_lesson_is_answered_and_done_with_keys_and_mouse(display, tmp_path):
     """Keys answer a question, the mouse completes a task, and the cache holds the progress."""
     size = ("--size", f"{WIDTH}x{HEIGHT}")
-    process = play("kernels", *size, display=display.display, command="lesson", folder=tmp_path)
-    try:
+    with playing(display, tmp_path, "kernels", *size, command="lesson") as process:
         question = display.begun()
         display.do("key", "n")
         assert np.array_equal(display.still(), question), "the question comes first"
@@ -122,8 +118,6 @@ def test_a_lesson_is_answered_and_done_with_keys_and_mouse(display, tmp_path):
         display.still(unlike=task, by=1.0)
         display.send("key", "n", "q")
         assert process.wait(timeout=PATIENCE) == 0
-    finally:
-        process.kill()
     kept = json.loads(next(tmp_path.glob("cache/msph/measured-*.json")).read_text())
     kept = kept["lesson kernels"]
     assert kept["ticked"] == [True, False, False] and kept["answered"] == 2

@@ -20,6 +20,7 @@ from tests.stage.window_kit import (
     WIDTH,
     needs_x,
     play,
+    playing,
     virtual_screen,
     wait_for,
     wait_for_file,
@@ -30,25 +31,16 @@ from tests.stage.window_kit import (
 @needs_x
 def test_a_killed_session_continues_at_the_next_start(display, tmp_path):
     arguments = (write(tmp_path), "--size", f"{WIDTH}x{HEIGHT}")
-
-    def started():
-        process = play(*arguments, display=display.display, folder=tmp_path)
+    with playing(display, tmp_path, *arguments) as process:
         wait_for(process, "ready in")
-        return process
-
-    process = started()
-    try:
         file = wait_for_file(tmp_path, "cache/msph/session_*.npz")
         deadline = time.monotonic() + PATIENCE
         # A slow machine simulates less before its first autosave.
         while time_of(file) <= 2.0 and time.monotonic() < deadline:
             time.sleep(0.5)
-    finally:
-        process.kill()
-        process.wait()
     since = time_of(file)
-    process = started()
-    try:
+    with playing(display, tmp_path, *arguments) as process:
+        wait_for(process, "ready in")
         display.begun_moving()
         display.send("key", "Return")
         wait_for(process, "ready in")
@@ -58,8 +50,6 @@ def test_a_killed_session_continues_at_the_next_start(display, tmp_path):
         assert not file.exists(), "the session has a file of its own"
         display.send("key", "q")
         assert process.wait(timeout=PATIENCE) == 0
-    finally:
-        process.kill()
     # Without the saved state, the time simulated since the second start would be less than `since`.
     assert since > 2.0 and since < time_of(continued)
     assert not list(tmp_path.glob("cache/msph/session_*"))
@@ -68,8 +58,7 @@ def test_a_killed_session_continues_at_the_next_start(display, tmp_path):
 @needs_x
 def test_input_at_a_window_is_recorded(display, tmp_path):
     arguments = (write(tmp_path), "--size", f"{WIDTH}x{HEIGHT}", "--record-input", "input.jsonl")
-    process = play(*arguments, display=display.display, folder=tmp_path)
-    try:
+    with playing(display, tmp_path, *arguments) as process:
         wait_for(process, "ready in")
         display.begun_moving()
         display.do("key", "t")
@@ -78,8 +67,6 @@ def test_input_at_a_window_is_recorded(display, tmp_path):
         display.do("mouseup", 1, "key", "j")
         display.send("key", "q")
         assert process.wait(timeout=PATIENCE) == 0
-    finally:
-        process.kill()
     recording = read(tmp_path / "input.jsonl")
     assert recording.header.quality in QUALITIES
     assert "swirl" in {frame.input.use.tool for frame in recording.frames if frame.input.use}
@@ -105,15 +92,12 @@ def test_ctrl_c_ends_play_without_a_traceback(display, wait):
 @needs_x
 def test_q_quits_while_kernels_are_compiled(display, tmp_path):
     size, uncached = ("--size", f"{WIDTH}x{HEIGHT}"), {"TI_OFFLINE_CACHE": "0"}
-    process = play(write(tmp_path), *size, display=display.display, folder=tmp_path, **uncached)
-    try:
+    with playing(display, tmp_path, write(tmp_path), *size, **uncached) as process:
         wait_for(process, "quit")
         display.differs(display.look(), 0.01)
         display.send("key", "q")
         said = process.communicate(timeout=PATIENCE)[0]
         assert process.returncode == 0 and "ready in" not in said and "Traceback" not in said
-    finally:
-        process.kill()
 
 
 @pytest.mark.slow

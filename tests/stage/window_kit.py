@@ -61,6 +61,17 @@ def play(
     )
 
 
+@contextlib.contextmanager
+def playing(screen, folder, *arguments, **more):
+    """Context with a process of play() on a screen, which is killed at its end if it still runs."""
+    process = play(*arguments, display=screen.display, folder=folder, **more)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
 class Screen:
     """Keyboard, mouse and image of the virtual screen. framebuffer: file of an X window dump."""
 
