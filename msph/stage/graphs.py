@@ -19,13 +19,13 @@ TITLE, GAP, STROKE = 1.3, 0.35, 2
 
 @dataclass(frozen=True)
 class Graph:
-    """A graph. title: quantity and unit; names: of the curves; sample: values of the curves, from
-    the show and the real-time factor."""
+    """A graph. title: quantity and unit; sample: values of the curves, from the show and the
+    real-time factor; form: of a value; names: of the curves."""
 
     title: str
-    names: Callable[[Show], list[str]]
     sample: Callable[[Show, float], list[float]]
     form: str = "{:.0f}"
+    names: Callable[[Show], list[str]] = lambda show: [""]
 
 
 def _stages(show: Show, _: float) -> list[float]:
@@ -33,26 +33,16 @@ def _stages(show: Show, _: float) -> list[float]:
     return [1e3 * frame.get(name, 0.0) for name in ("fluid", "surface", "picture")]
 
 
+def _counts(show: Show, _: float) -> list[float]:
+    return [float(n) for n in show.state.counts()]
+
+
 GRAPHS = (
-    Graph("frame [ms]", lambda show: ["fluid", "surface", "image"], _stages),
-    Graph("real-time factor [-]", lambda show: [""], lambda show, pace: [pace], "{:.2f}"),
-    Graph(
-        "solver residual [%]",
-        lambda show: [""],
-        lambda show, pace: [100.0 * show.now.solver_residual],
-        "{:.3f}",
-    ),
-    Graph(
-        "energy [J]",
-        lambda show: [""],
-        lambda show, pace: [show.now.energy],
-        "{:.1f}",
-    ),
-    Graph(
-        "particles",
-        lambda show: [str(k) for k in range(show.state.layers.count)],
-        lambda show, pace: [float(n) for n in show.state.counts()],
-    ),
+    Graph("frame [ms]", _stages, names=lambda show: ["fluid", "surface", "image"]),
+    Graph("real-time factor [-]", lambda show, pace: [pace], "{:.2f}"),
+    Graph("solver residual [%]", lambda show, _: [100.0 * show.now.solver_residual], "{:.3f}"),
+    Graph("energy [J]", lambda show, _: [show.now.energy], "{:.1f}"),
+    Graph("particles", _counts, names=lambda show: [*map(str, range(show.state.layers.count))]),
 )
 
 
