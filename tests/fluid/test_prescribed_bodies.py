@@ -9,6 +9,7 @@ from msph.fluid.boundary.body_shapes import BEGIN
 from msph.fluid.boundary.mesh_samples import CELL
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion, Solid
 from msph.fluid.boundary.sampled_fields import SampleLattice
+from msph.fluid.boundary.signed_distance import signed_distance
 from msph.fluid.boundary.volume_map import kernel_share
 from msph.fluid.boundary.wall_integrals import ball_share, block_share, wall_support
 from msph.fluid.external_forces import ExternalForces
@@ -85,6 +86,34 @@ class Evaluator:
             away = self.boundary.distance(body, at, BEGIN)
             for k in ti.static(range(4)):
                 share[i, k], distance[i, k] = found[k], away[k]
+
+
+@pytest.mark.parametrize(
+    ("mesh", "distance"),
+    [
+        (
+            trimesh.creation.icosphere(4, radius=0.3),
+            lambda x: np.linalg.norm(x, axis=-1) - 0.3,
+        ),
+        (
+            trimesh.creation.box((0.4, 0.5, 0.6)),
+            lambda x: (
+                np.linalg.norm(np.maximum(abs(x) - (0.2, 0.25, 0.3), 0.0), axis=-1)
+                + np.minimum((abs(x) - (0.2, 0.25, 0.3)).max(axis=-1), 0.0)
+            ),
+        ),
+    ],
+)
+def test_signed_distance_of_a_mesh_equals_the_distance_of_its_shape(mesh, distance):
+    lattice = SampleLattice.covering(*mesh.bounds, 0.1, 0.03)
+    found = signed_distance(np.array(mesh.triangles), lattice, 0.1)
+    node = np.stack(np.meshgrid(*map(np.arange, lattice.shape), indexing="ij"), -1)
+    true = distance(np.array(lattice.origin) + lattice.cell * node)
+    band = abs(true) < 0.099
+    # The faces of the icosphere lie within 0.6 mm of the surface of the ball.
+    assert abs(found - true)[band].max() < 7e-4
+    assert np.all(np.sign(found) == np.sign(true), where=abs(true) > 7e-4)
+    assert abs(found - true).max() < 0.15 * abs(true).max()
 
 
 def test_share_of_a_mesh_is_the_kernels_integral_at_faces_edges_and_corners():

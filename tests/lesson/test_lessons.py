@@ -132,6 +132,17 @@ def test_the_lesson_of_teaching_md_works(tmp_path):
     assert student.work(), progress.shown()
 
 
+@pytest.mark.slow
+def test_a_task_is_completed_at_the_values_that_its_text_names():
+    """Regression: the page of `light` read "Completed at: index 1.311", and its text 1.33."""
+    course = load_lesson("light")
+    _, progress, student = answered(course, (320, 180))
+    assert student.work()
+    for name, value in course.lesson.do[0].solution.set.items():
+        assert f"{name} {value}" in progress.reached[0]
+        assert progress.values[name] == pytest.approx(value)
+
+
 def test_amplitudes_and_growth_of_known_oscillations():
     time = np.arange(0.0, 5.0, 0.1)
     assert amplitude(time, 3.0 + 0.02 * np.sin(2.0 * np.pi * time)) == pytest.approx(0.02)

@@ -27,6 +27,7 @@ from msph.fluid.boundary.apertures import Apertures
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.opening import SLACK, ZONE, Opening
 from msph.fluid.boundary.rigid_bodies import volume
+from msph.fluid.boundary.walls import NO_WALL
 from msph.fluid.constants import MAX_OPENINGS, Constants
 from msph.fluid.impulse_ledger import ImpulseLedger
 from msph.fluid.particles.images import Images
@@ -64,9 +65,10 @@ class Inlet:
 
 @data_oriented
 class Openings:
-    """The openings of a simulation, `all`. waiting: inflows for whose next sheet there is no
-    room; waited [s]: time since the reset in which any inflow waited; lack: why the last one did;
-    space [m^3]: of a closed box and the pipes behind its walls, infinite with a way out."""
+    """The openings of a simulation, `all`. waiting: inflows for whose next sheet there is no room;
+    waited [s]: time since the reset in which any inflow waited; lack: what was full when one waited
+    last; space [m^3]: of a closed box and the pipes behind its walls, infinite if water can leave;
+    walls (3,) [m]: the far walls."""
 
     def __init__(
         self,
@@ -129,7 +131,9 @@ class Openings:
             for k, i in self.inlets.items()
             if k not in self.within
         ]
-        closed = len(self.inlets) == len(self.all) and self.boundary.container is None
+        # Water leaves through outflows and over the rim, whose far wall is at NO_WALL.
+        leaves = len(self.inlets) < len(self.all) or (walls >= NO_WALL).any()
+        closed = not leaves and self.boundary.container is None
         self.space, self.walls = float(np.prod(walls)) + sum(pipes) if closed else np.inf, walls
         self.speeds[:], self.means[:] = 0.0, 0.0
         self.waiting.clear()
@@ -223,7 +227,8 @@ class Openings:
         if self.particles.count + len(x) > self.particles.capacity:
             self.lack = f"the pool of {self.particles.capacity:,} particles"
             return False
-        if self._water() + len(inlet.sites) * spec.volume > self.space - self._solids():
+        needed = len(inlet.sites) * spec.volume
+        if self.space < np.inf and self._water() + needed > self.space - self._solids():
             self.lack = "the box"
             return False
         inlet.way -= inlet.distance
