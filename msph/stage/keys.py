@@ -24,7 +24,7 @@ KEYS = (
         {"LMB": "push"},
         "drag: push the water",
     ),
-    *(Key(tool.key, tool.effect, {tool.key: f"tool {tool.name}"}) for tool in TOOLS),
+    *(Key(tool.key, tool.effect, {tool.key: f"tool {tool.key}"}) for tool in TOOLS),
     Key(
         "arrow keys",
         "tilt the pool",

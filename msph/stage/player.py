@@ -25,7 +25,7 @@ from msph.stage.pacer import Pacer
 from msph.stage.pages import toolbar
 from msph.stage.row import Row, show_with_picked
 from msph.stage.steering import Steering
-from msph.stage.tools import BY_NAME
+from msph.stage.tools import BY_NAME, Tool, next_tool
 from msph.stage.window import BUTTONS
 
 SLOW_MOTION = 0.1  # simulated over wall-clock time in slow motion
@@ -68,6 +68,8 @@ class Player(Audience):
         self.runs = self.guide.runs
         self.offer: LostSession | None = None  # offered to the user
         self.paused = self.single_step = self.done = self.helping = False
+        self.pressed = list[str]()  # keys and buttons since the last controls()
+        self.slides = False  # True while a slider of the lesson is held
         self.clock: float | None = None  # time at which the last frame was presented [s]
         self.present = math.inf  # time to present a frame, without the wait for the display [s]
 
@@ -77,35 +79,54 @@ class Player(Audience):
         return self.menu.next if self.window.open and not self.done else None
 
     def wants_more(self, row: Row) -> bool:
+        if self._read_input():  # given while the last image was presented
+            row.draw()
+            self._present(row)
         row.receive()
         return self.window.open and not (self.done or self.menu.settled)
 
     def controls(self, row: Row) -> Controls:
-        controls, steering, guide = Controls(), self.steering, self.guide
-        pressed = self.window.presses()
+        self._read_input()
+        controls, steering = Controls(), self.steering
+        self.pacer.steer(controls)
+        step, wall = self.pacer.frame_time, self.pacer.wall
+        # While a lesson pauses the simulation, held keys do nothing.
+        controls.still = self._paused and not self.single_step
+        held = not self.guide.pauses and steering.apply_keys(step, wall, self.paused)
+        dragged = self._drag(controls, step)
+        self.idle.pass_time(wall, bool(self.pressed or held or dragged or steering.moved.any()))
+        sway = self.idle.roll(row.lead.now.time, 0.0 if self._paused else step)
+        controls.tilt = (float(steering.tilt[0]) + steering.jolt + sway, float(steering.tilt[1]))
+        controls.azimuth = row.lead.display.camera.azimuth
+        # While the simulation has not answered, a step waits.
+        self.single_step = self.single_step and row.busy
+        self.pressed, steering.moved = [], np.zeros(2)
+        return controls
+
+    def _read_input(self) -> bool:
+        """Acts on keys pressed since the last call, and on the mouse over pages; returns True if
+        there are any. It is called after each slow part of a frame, so that pages answer soon."""
+        steering, guide, pressed = self.steering, self.guide, self.window.presses()
         steering.read_cursor()
+        mouse = steering.cursor, self.window.down("LMB"), "LMB" in pressed
+        self.slides = guide.drag(*mouse)
         for key in pressed:
             if key in BUTTONS:
-                steering.free[key] = not self._on_page()
+                steering.press(key, not (self.slides or self._on_page()))
             elif self.offer and ACTIONS.get(key) not in (None, "quit"):
                 self._answer(key)
             elif guide.handle_key(key):
                 self._level_after_reset()
             elif key in ACTIONS:
                 self._press(ACTIONS[key])
-        self.pacer.steer(controls)
-        step, wall = self.pacer.frame_time, self.pacer.wall
-        # While a lesson pauses the simulation, held keys do nothing.
-        controls.still = self._paused and not self.single_step
-        held = not guide.pauses and steering.apply_keys(step, wall, self.paused)
-        dragged = self._drag(controls, step, "LMB" in pressed)
-        self.idle.pass_time(wall, bool(pressed or held or dragged or steering.moved.any()))
-        sway = self.idle.roll(row.lead.now.time, 0.0 if self._paused else step)
-        controls.tilt = (float(steering.tilt[0]) + steering.jolt + sway, float(steering.tilt[1]))
-        controls.azimuth = row.lead.display.camera.azimuth
-        # While the simulation has not answered, a step waits.
-        self.single_step = self.single_step and row.busy
-        return controls
+        self.pressed += pressed
+        acted = self.slides or bool(set(pressed) - set(BUTTONS))
+        if not self.slides:
+            acted |= self.menu.touch(*mouse)
+            if chosen := self.layout.pages["tools"].act(*mouse):
+                self._choose_tool(BY_NAME[chosen[0]])
+                acted = True
+        return acted
 
     @property
     def _paused(self) -> bool:
@@ -123,23 +144,19 @@ class Player(Audience):
         cursor = self.steering.cursor
         return self.guide.is_on_page(cursor) or self.layout.is_on_page(cursor)
 
-    def _drag(self, controls: Controls, step: float, pressed: bool) -> bool:
-        """Handles the mouse; returns True while a button is used. pressed: the left button was
-        pressed in this frame."""
-        steering, down = self.steering, self.window.down("LMB")
+    def _drag(self, controls: Controls, step: float) -> bool:
+        """Handles the mouse outside pages; returns True while a button is used."""
+        steering = self.steering
         self.idle.tried.add(steering.drag_camera())
-        if self.guide.drag(steering.cursor, down, pressed):
+        if self.slides:
             return True
-        self.menu.touch(steering.cursor, down, pressed)
-        chosen = self.layout.pages["tools"].act(steering.cursor, down, pressed)
-        if chosen:
-            self._choose_tool(chosen[0])
-        if steering.clicked(pressed) and self.row.lead.display.views.name != "water":
+        clicked = steering.clicked("LMB" in self.pressed)
+        if clicked and self.row.lead.display.views.name != "water":
             steering.pick()
         held = steering.held_buttons()
         if held[0]:
             self.idle.tried.add("push")
-        controls.use = steering.use_tool(controls.still, step, pressed, self._on_page())
+        controls.use = steering.use_tool(controls.still, step, self._on_page())
         return any(held)
 
     def _answer(self, key: str) -> None:
@@ -175,14 +192,14 @@ class Player(Audience):
         elif action == "quit":
             self.done = True
         elif action.startswith("tool "):
-            self._choose_tool(action.removeprefix("tool "))
+            self._choose_tool(next_tool(action.removeprefix("tool "), self.steering.tool))
         elif act:
             act()
 
-    def _choose_tool(self, name: str) -> None:
-        self.steering.tool = BY_NAME[name]
+    def _choose_tool(self, tool: Tool) -> None:
+        self.steering.tool = tool
         self.steering.contact.let_go()
-        self.layout.show_message(BY_NAME[name].effect)
+        self.layout.show_message(tool.effect)
 
     def _jolt(self) -> None:
         self.steering.jolted = 0.0
@@ -230,9 +247,19 @@ class Player(Audience):
             self.layout.show_message("the slice is visible in the particle views: press v")
 
     def observe(self, row: Row) -> None:
-        now, image = time.perf_counter(), row.image
         if not self._paused:
-            self.clip.observe(image, now)
+            self.clip.observe(row.image, time.perf_counter())
+        self._read_input()
+        self._present(row)
+        if not row.lead.new:
+            return
+        now = time.perf_counter()
+        if self.clock is not None and not self._paused:
+            self.pacer.observe(row, now - self.clock, self.present)
+        self.clock = now
+
+    def _present(self, row: Row) -> None:
+        """Draws the pages over the image, and shows it."""
         self.saver.report()
         if self.offer and self.layout.idle:
             self.layout.show_message(self.offer.offer)
@@ -242,7 +269,7 @@ class Player(Audience):
                 show.note = ""
         self.guide.update()
         self.menu.draw()
-        self.guide.draw(image)
+        self.guide.draw(row.image)
         if self.has_toolbar:
             tool, layout = self.steering.tool, self.layout
             at = self.window.size[0] - layout.gap, layout.gap
@@ -254,14 +281,8 @@ class Player(Audience):
             self.window.mark(self.steering.cursor)
         self._draw_arrows()
         begin = time.perf_counter()
-        self.window.show(image)
-        now = time.perf_counter()
-        self.present = min(PRESENT_GROWTH * self.present, now - begin)
-        if not row.lead.new:
-            return
-        if self.clock is not None and not self._paused:
-            self.pacer.observe(row, now - self.clock, self.present)
-        self.clock = now
+        self.window.show(row.image)
+        self.present = min(PRESENT_GROWTH * self.present, time.perf_counter() - begin)
 
     def close(self) -> None:
         self.saver.close()

@@ -10,7 +10,7 @@ import numpy as np
 from msph.stage.controls import ToolUse
 from msph.stage.ggui_window import Window
 from msph.stage.row import Row
-from msph.stage.tools import TOOLS
+from msph.stage.tools import TOOLS, Tool
 from msph.stage.water_cursor import WaterCursor
 from msph.stage.window import BUTTONS
 
@@ -31,7 +31,7 @@ class Steering:
     locked: True to keep the tilt; levels: True to level the pool once, even if locked; jolted:
     simulated time since the start of a jolt [s]; tool: the active tool; free: True for each mouse
     button pressed outside the pages; cursor: (right, up) in shares of the window; moved: motion of
-    the cursor since the previous frame."""
+    the cursor since the last frame."""
 
     def __init__(self, window: Window, row: Row):
         self.window, self.row, self.contact = window, row, WaterCursor()
@@ -42,15 +42,22 @@ class Steering:
         self.locked = not row.lead.scene.play.level
         self.free: dict[str, bool] = {}
         self.cursor, self.moved = window.cursor(), np.zeros(2)
-        self.clicks: deque[np.ndarray] = deque()  # cursors at presses that have not acted yet
+        # Presses that have not acted yet: tool and cursor.
+        self.clicks: deque[tuple[Tool, np.ndarray]] = deque()
         self.down: Any = None  # position and time [s] at which the left button was pressed
 
     def read_cursor(self) -> None:
         """Reads the cursor, and adapts the camera to a resized window."""
         cursor = self.window.cursor()
-        self.moved, self.cursor = cursor - self.cursor, cursor
+        self.moved, self.cursor = self.moved + cursor - self.cursor, cursor
         width, height = self.window.size
         self.row.lead.display.camera.stretch = self.window.aspect * height / width
+
+    def press(self, button: str, free: bool) -> None:
+        """Notes a press of a mouse button, outside the pages if `free`."""
+        self.free[button] = free
+        if free and button == "LMB":
+            self.clicks.append((self.tool, self.cursor))
 
     def apply_keys(self, step: float, wall: float, paused: bool) -> bool:
         """Applies keys held down in a frame of `step` [s] simulated and `wall` [s] wall-clock time;
@@ -114,24 +121,22 @@ class Steering:
             return "orbit"
         return ""
 
-    def use_tool(self, still: bool, step: float, pressed: bool, on_page: bool) -> ToolUse | None:
-        """Returns the use of the active tool where the left button holds water, otherwise the wake
-        of the cursor. still: no time passes; pressed: in this frame, even if released since. Each
-        press while the simulation has not answered acts later, in a frame of its own."""
+    def use_tool(self, still: bool, step: float, on_page: bool) -> ToolUse | None:
+        """Returns the use of a tool where the left button holds water, otherwise the wake of the
+        cursor. still: no time passes. Each press while the simulation has not answered acts later,
+        in a frame of its own, with the tool of its time."""
         left, right, middle = self.held_buttons()
-        if pressed and self.free.get("LMB", True):
-            self.clicks.append(self.cursor)
         if self.row.busy:
             return None
-        cursor = self.cursor
+        tool, cursor = self.tool, self.cursor
         if self.clicks:
             # The last press may still be within its least duration.
             self.contact.let_go()
-            cursor, left = self.clicks.popleft(), True
+            (tool, cursor), left = self.clicks.popleft(), True
         left = left or self.contact.clicked
         hover = self.row.lead.scene.play.hover and self.moved.any()
         if left and not still:
-            return self.contact.hold(self.tool, self.row, cursor, step)
+            return self.contact.hold(tool, self.row, cursor, step)
         if hover and not (right or middle or on_page):
             wake = self.contact.pass_over(self.row, self.cursor, step)
             return None if still else wake
@@ -140,7 +145,7 @@ class Steering:
 
     def clicked(self, pressed: bool) -> bool:
         """Returns True if the left button was released near its position and time of press.
-        pressed: the button was pressed in this frame; if it is up again, that was a click."""
+        pressed: since the last frame; if the button is up again, that was a click."""
         left, now = self.held_buttons()[0], time.perf_counter()
         if pressed and not left and self.down is None:
             return self.free.get("LMB", True)

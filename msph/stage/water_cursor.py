@@ -12,25 +12,26 @@ from msph.stage.tools import HOVER, PRESS_TIME, Tool
 
 class WaterCursor:
     """The cursor on the water. place: its position [m] in the box frame, None outside of the water;
-    over: the show under the cursor; holds: True while a pressed button holds the water; held:
-    duration of this hold [s]."""
+    over: the show under the cursor; holds: True while a pressed button holds the water; held, tool:
+    duration [s] and tool of this hold."""
 
     def __init__(self) -> None:
         self.place: Any = None
         self.start: Any = None
         self.over: Any = None
+        self.tool: Any = None
         self.holds, self.held = False, 0.0
 
     def hold(self, tool: Tool, row: Row, cursor: np.ndarray, step: float) -> ToolUse | None:
         """Returns the use of a tool by a pressed button in a frame of `step` [s], None without
         water; cursor: (right, up) in shares of the window.
 
-        A touch begins where the cursor's ray meets the water, and continues at that depth and in
-        that simulation.
+        A touch begins where the cursor's ray meets the water, and continues at that depth, in that
+        simulation, with that tool.
         """
         began = not self.holds
         if began:
-            self.over = row.show_under(cursor)[0]
+            self.over, self.tool = row.show_under(cursor)[0], tool
         show, cursor = self.over, row.to_picture(self.over, cursor)
         eye, direction = show.display.ray(*(cursor * show.display.picture.size))
         hit = self._hit(show, cursor)
@@ -46,7 +47,7 @@ class WaterCursor:
         self.held += step
         surface = self.place if hit is None else hit
         vectors = self.place, velocity, self.start, surface, direction
-        return ToolUse.of(tool.name, vectors, step, self.held)
+        return ToolUse.of(self.tool.name, vectors, step, self.held)
 
     @property
     def clicked(self) -> bool:

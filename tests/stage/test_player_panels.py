@@ -114,6 +114,14 @@ def test_help_covers_the_image_until_it_is_closed(player, show):
     # Pages cover the rendered image without changing it, so the same image appears again.
     assert np.abs(press(player, show, "Escape") - without).mean() < 1e-3
     assert player.wants_more(player.row)
+    # Keys that are pressed while an image is drawn or presented are answered over this image.
+    player.row.frame(player.controls(player.row))
+    player.window.pressed = ["h"]
+    player.observe(player.row)
+    assert np.abs(player.window.image.to_numpy() - without).mean() > 0.05
+    player.window.pressed = ["h"]
+    assert player.wants_more(player.row)
+    assert np.abs(player.window.image.to_numpy() - without).mean() < 1e-3
     press(player, show, "q")
     assert not player.wants_more(player.row)
 

@@ -15,6 +15,7 @@ from msph.fluid.simulation import FullError
 from msph.scene import load_scene
 from msph.stage.controls import Controls, ToolUse
 from msph.stage.pacer import Pacer
+from msph.stage.row import Row
 from msph.stage.show import Show
 from msph.stage.tools import PRESS_TIME, TOOLS
 from msph.stage.touch import Touch
@@ -60,7 +61,7 @@ def test_the_classic_method_refuses_added_bodies_and_openings(tmp_path):
 def test_a_drain_after_a_reset_counts_its_water_once(player, show):
     for _ in range(2):
         show.reset()
-        press(player, show, "0")
+        press(player, show, "z", "z")
         player.window.at, player.window.held = wet_place(show), {"LMB"}
         press(player, show, "LMB", number=4)
         assert show.ledger.entries[-1].outflow_mass > 0.0
@@ -69,7 +70,7 @@ def test_a_drain_after_a_reset_counts_its_water_once(player, show):
         frames(player, show)
 
 
-@pytest.mark.parametrize("key", ["LMB", "r", "0"])
+@pytest.mark.parametrize("key", ["LMB", "r", "z"])
 def test_a_press_a_reset_and_another_tool_end_the_last_press(player, show, key, monkeypatch):
     monkeypatch.setattr(Pacer, "frame_time", PRESS_TIME / 8)
     frames(player, show)
@@ -83,9 +84,19 @@ def test_a_press_a_reset_and_another_tool_end_the_last_press(player, show, key, 
     assert contact.held == pytest.approx(PRESS_TIME / 8)
 
 
+def test_a_press_that_waits_for_the_simulation_keeps_its_tool(player, show, monkeypatch):
+    frames(player, show)
+    player.window.at = wet_place(show)
+    player.window.pressed = ["LMB", "b"]
+    monkeypatch.setattr(Row, "busy", True)
+    assert player.controls(player.row).use is None and player.steering.tool.name == "ball"
+    monkeypatch.setattr(Row, "busy", False)
+    assert player.controls(player.row).use.tool == "push"
+
+
 @pytest.mark.parametrize("tool", TOOLS, ids=lambda tool: tool.name)
 def test_each_tool_moves_or_adds_water_while_the_button_is_down(player, show, tool):
-    player.steering.tool = next(t for t in TOOLS if t is not tool)
+    player.steering.tool = TOOLS[TOOLS.index(tool) - 1]
     press(player, show, tool.key, number=2)
     assert player.steering.tool is tool and tool.effect == player.layout.message
     player.window.at, player.window.held = wet_place(show), {"LMB"}
