@@ -5,14 +5,13 @@ the box: if the first face behind the near pane is a back face of a body, the ra
 body, and the cut is visible on the pane.
 """
 
-import math
-
 import numpy as np
 import taichi as ti
 
+from msph.fluid.boundary.body_faces import split, triangles_of
 from msph.fluid.boundary.body_shapes import END
 from msph.fluid.boundary.boundary import Boundary
-from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, centre, half_extents
+from msph.fluid.boundary.rigid_bodies import Block, Body
 from msph.launches import data_oriented, kernel
 from msph.picture.rasteriser import BLOCK, FAR, NO_ITEM, Rasteriser
 from msph.picture.room import PixelFields
@@ -21,57 +20,12 @@ from msph.picture.shot import PARALLEL
 
 vec3 = ti.math.vec3
 
-# Rings of a ball's triangles from pole to pole: outlines are within 0.3 % of the radius. Divisions
-# of the edges of a block, so that threads share its pixels.
-RINGS, DIVISIONS = 16, 4
+# Times that the faces of a block are split, so that threads share its pixels.
+SPLITS = 2
 # Bits of a key that hold the body, and whether its face is a back face; a body uses the upper bits.
 KEY_BITS, CUT = 8, 1
 # Kinds of faces: visible from outside; back face of a body; near side of a container.
 FACE, REAR, ENTRY = range(3)
-# The six faces of the unit cube: corner, and both edges, counter-clockwise from outside.
-CUBE_FACES = [
-    ((0, 0, 0), (0, 0, 1), (0, 1, 0)),
-    ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
-    ((0, 0, 0), (1, 0, 0), (0, 0, 1)),
-    ((0, 1, 0), (0, 0, 1), (1, 0, 0)),
-    ((0, 0, 0), (0, 1, 0), (1, 0, 0)),
-    ((0, 0, 1), (1, 0, 0), (0, 1, 0)),
-]
-
-
-def triangles_of(body: Body) -> np.ndarray:
-    """Returns the triangles of a body [m], (t, 3, 3), in its frame, counter-clockwise from
-    outside."""
-    if isinstance(body, Ball):
-        return body.radius * _ball()
-    if isinstance(body, Block):
-        faces = [_patch(*(np.array(v, float) for v in face)) for face in CUBE_FACES]
-        return (2.0 * np.concatenate(faces) - 1.0) * half_extents(body)
-    return body.vertices[body.triangles] - centre(body)
-
-
-def _patch(corner, a, b) -> np.ndarray:
-    """Returns the triangles of DIVISIONS^2 equal parts of the parallelogram of a and b at a corner,
-    which face a x b."""
-    u, v = np.indices((DIVISIONS + 1, DIVISIONS + 1)).reshape(2, -1, 1) / DIVISIONS
-    return _quads((corner + u * a + v * b).reshape(DIVISIONS + 1, DIVISIONS + 1, 3))
-
-
-def _ball() -> np.ndarray:
-    """Returns triangles of a unit ball, which enclose its volume."""
-    polar, around = np.indices((RINGS + 1, 2 * RINGS + 1)) * (math.pi / RINGS)
-    sine = np.sin(polar)
-    points = np.stack([sine * np.sin(around), np.cos(polar), sine * np.cos(around)], axis=-1)
-    found = _quads(points)
-    volume = np.linalg.det(found).sum() / 6.0
-    return found * (4.0 / 3.0 * math.pi / volume) ** (1.0 / 3.0)
-
-
-def _quads(points: np.ndarray) -> np.ndarray:
-    """Returns both triangles of each cell of a grid of points (n, m, 3), (t, 3, 3)."""
-    p, q, r, s = points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]
-    both = [np.stack(t, axis=2).reshape(-1, 3, 3) for t in ((p, q, r), (p, r, s))]
-    return np.concatenate(both)
 
 
 @data_oriented
@@ -88,9 +42,17 @@ class BodyFaces:
 
     def load(self) -> None:
         """Loads the boundary's present bodies."""
-        parts = [triangles_of(body).reshape(-1, 9) for body in self.boundary.bodies]
+        parts = [self._shown(body).reshape(-1, 9) for body in self.boundary.bodies]
         self.corners = np.concatenate(parts).astype(np.float32)
         self.owner = np.repeat(np.arange(len(parts), dtype=np.int32), [len(p) for p in parts])
+
+    @staticmethod
+    def _shown(body: Body) -> np.ndarray:
+        """Returns the triangles of a body that are drawn [m], (t, 3, 3), in its frame."""
+        found = triangles_of(body)
+        for _ in range(SPLITS if isinstance(body, Block) else 0):
+            found = split(found)
+        return found
 
     def draw(self) -> None:
         """Fills the fields in the present view."""

@@ -13,6 +13,7 @@ from msph.fluid.boundary.rigid_bodies import (
     Scripted,
     Solid,
     bounding_radius,
+    rotations,
     volume,
 )
 from msph.fluid.external_forces import as_vector
@@ -112,11 +113,9 @@ def _container(container: Container) -> Solid:
 
 def placed(mesh: schema.BodyEntry | Container) -> tuple[np.ndarray, np.ndarray]:
     """Returns vertices [m] and triangles of a mesh: scaled, rotated about x, y, z, translated."""
-    from scipy.spatial.transform import Rotation  # 0.5 s to import, and only meshes need it
-
     vertices, triangles, _ = load_mesh(str(mesh.mesh))
-    rotation = Rotation.from_euler("xyz", mesh.rotation, degrees=True)
-    return rotation.apply(vertices * mesh.scale) + np.array(mesh.position), triangles
+    x, y, z = rotations(np.radians(np.diag(mesh.rotation)))
+    return vertices * mesh.scale @ (z @ y @ x).T + np.array(mesh.position), triangles
 
 
 def check_bodies(scene: Scene, spacing: float) -> list[Body]:

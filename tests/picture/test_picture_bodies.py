@@ -7,9 +7,10 @@ import taichi as ti
 import trimesh
 from picture_kit import ball, covered, rays, still_water
 
+from msph.fluid.boundary.body_faces import triangles_of
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion, Solid
 from msph.fluid.particles.layers import LayerSpec
-from msph.picture.body_faces import KEY_BITS, triangles_of
+from msph.picture.body_faces import KEY_BITS
 from msph.picture.body_paint import lattice
 from msph.picture.body_shading import BodyShading
 from msph.picture.camera import Camera

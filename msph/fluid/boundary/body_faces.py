@@ -1,17 +1,65 @@
-"""Triangle meshes of bodies."""
+"""Triangle meshes of bodies, and points spread over their faces."""
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Solid, centre
+from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Solid, centre, half_extents
 
 if TYPE_CHECKING:
     import trimesh
 
-# Subdivisions of an icosahedron for a ball: 1280 faces, which enclose 0.15 % less than the ball's
-# volume when scaled to its area.
+# Subdivisions of an icosahedron for an exported ball: 1280 faces, which enclose 0.15 % less than
+# the ball's volume when scaled to its area.
 SUBDIVISIONS = 3
+# Rings of a ball's triangles from pole to pole: outlines are within 0.3 % of the radius.
+RINGS = 16
+# The six faces of the unit cube: corner, and both edges, counter-clockwise from outside.
+CUBE_FACES = [
+    ((0, 0, 0), (0, 0, 1), (0, 1, 0)),
+    ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    ((0, 0, 0), (1, 0, 0), (0, 0, 1)),
+    ((0, 1, 0), (0, 0, 1), (1, 0, 0)),
+    ((0, 0, 0), (0, 1, 0), (1, 0, 0)),
+    ((0, 0, 1), (1, 0, 0), (0, 1, 0)),
+]
+
+
+def triangles_of(body: Body) -> np.ndarray:
+    """Returns the triangles of a body [m], (t, 3, 3), in its frame, counter-clockwise from
+    outside; those of a ball enclose its volume."""
+    if isinstance(body, Ball):
+        return body.radius * _ball()
+    if isinstance(body, Block):
+        corner, a, b = np.array(CUBE_FACES, float).transpose(1, 0, 2)
+        points = np.stack([[corner, corner + b], [corner + a, corner + a + b]])
+        return (2.0 * _quads(points) - 1.0) * half_extents(body)
+    return body.vertices[body.triangles] - centre(body)
+
+
+def _ball() -> np.ndarray:
+    """Returns triangles of a unit ball."""
+    polar, around = np.indices((RINGS + 1, 2 * RINGS + 1)) * (math.pi / RINGS)
+    sine = np.sin(polar)
+    points = np.stack([sine * np.sin(around), np.cos(polar), sine * np.cos(around)], axis=-1)
+    found = _quads(points)
+    volume = np.linalg.det(found).sum() / 6.0
+    return found * (4.0 / 3.0 * math.pi / volume) ** (1.0 / 3.0)
+
+
+def _quads(points: np.ndarray) -> np.ndarray:
+    """Returns both triangles of each cell of grids of points (n, m, ..., 3), (t, 3, 3)."""
+    p, q, r, s = points[:-1, :-1], points[1:, :-1], points[1:, 1:], points[:-1, 1:]
+    return np.concatenate([np.stack(t, -2).reshape(-1, 3, 3) for t in ((p, q, r), (p, r, s))])
+
+
+def split(triangles: np.ndarray) -> np.ndarray:
+    """Returns the four parts of each triangle between its corners and the middles of its edges,
+    (4 t, 3, 3)."""
+    a, b, c = triangles.transpose(1, 0, 2)
+    u, v, w = 0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)
+    return np.concatenate([np.stack(t, 1) for t in ((a, u, w), (u, b, v), (w, v, c), (u, v, w))])
 
 
 def faces(body: Body) -> "trimesh.Trimesh":
@@ -37,10 +85,14 @@ def samples(body: Body, edge: float, most: int) -> tuple[np.ndarray, np.ndarray]
         turn, ring = np.pi * (3.0 - 5.0**0.5) * np.arange(n), np.sqrt(1.0 - y**2)
         normals = np.column_stack([ring * np.cos(turn), y, ring * np.sin(turn)])
         return body.radius * normals, area / n * normals
-    mesh = faces(body)
-    while mesh.edges_unique_length.max() > edge and 4 * len(mesh.faces) <= most:
-        mesh = mesh.subdivide()
+    found = triangles_of(body)
+    while 4 * len(found) <= most and _longest_edge(found) > edge:
+        found = split(found)
     inward = isinstance(body, Solid) and body.container
-    sign = -1.0 if inward else 1.0
-    areas = sign * mesh.face_normals * mesh.area_faces[:, None]
-    return mesh.triangles_center - centre(body), areas
+    ab, ac = found[:, 1] - found[:, 0], found[:, 2] - found[:, 0]
+    return found.mean(axis=1), (-0.5 if inward else 0.5) * np.cross(ab, ac)
+
+
+def _longest_edge(triangles: np.ndarray) -> float:
+    """Returns the length of the longest edge of triangles (t, 3, 3)."""
+    return float(np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=-1).max())
