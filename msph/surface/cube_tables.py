@@ -11,7 +11,9 @@ edges of one face: if the neighbour made the same diagonal, four triangles would
 edge. Every loop of rule 1 has such a triangulation; otherwise `triangulate` fails at import.
 """
 
-from itertools import combinations
+import math
+from functools import cache
+from itertools import product
 
 import numpy as np
 
@@ -37,6 +39,13 @@ def face_cycles() -> list[list[int]]:
 
 FACES = face_cycles()
 EDGE_FACES = [{f for f, ring in enumerate(FACES) if {p, q} <= set(ring)} for p, q in EDGES.tolist()]
+# Squared distances between the middles of edges, infinite for two edges of one face.
+MIDDLES = CORNERS[EDGES].mean(axis=1)
+DIAGONALS = np.where(
+    [[bool(p & q) for q in EDGE_FACES] for p in EDGE_FACES],
+    math.inf,
+    ((MIDDLES[:, None] - MIDDLES) ** 2).sum(axis=2),
+).tolist()
 
 
 def face_segments(case: int, ring: list[int]) -> list[tuple[int, int]]:
@@ -73,33 +82,34 @@ def loops(case: int) -> list[list[int]]:
     return found
 
 
-def triangulations(polygon: list[int]):
-    """Yields every triangulation of a convex polygon as a list of corner triples."""
-    if len(polygon) == 2:
-        yield []
-        return
-    for k in range(1, len(polygon) - 1):
-        for left in triangulations(polygon[: k + 1]):
-            for right in triangulations(polygon[k:]):
-                yield [(polygon[0], polygon[k], polygon[-1]), *left, *right]
+@cache
+def triangulations(n: int) -> list[tuple[list[tuple[int, int, int]], set[tuple[int, int]]]]:
+    """Returns every triangulation of a convex polygon of n corners: its triangles, and its
+    diagonals, by numbers of corners in rising order."""
+    if n == 2:
+        return [([], set())]
+    found = []
+    for k in range(1, n - 1):
+        for left, right in product(triangulations(k + 1), triangulations(n - k)):
+            triangles = [*left[0], *(tuple(c + k for c in t) for t in right[0])]
+            sides = {(0, k)} if k > 1 else set()
+            sides |= {(k, n - 1)} if k < n - 2 else set()
+            moved = {(a + k, b + k) for a, b in right[1]}
+            found.append(([(0, k, n - 1), *triangles], left[1] | moved | sides))
+    return found
 
 
-def triangulate(polygon: list[int]) -> list[tuple[int, int, int]]:
+def triangulate(polygon: list[int]) -> list[tuple[int, ...]]:
     """Returns the triangulation without diagonals in faces that has the shortest diagonals (squared
     sum)."""
-    middle = CORNERS[EDGES].mean(axis=1)
-    sides = {frozenset((polygon[i - 1], polygon[i])) for i in range(len(polygon))}
-    best, least = None, np.inf
-    for triangles in triangulations(polygon):
-        inner = {frozenset(pair) for t in triangles for pair in combinations(t, 2)} - sides
-        if any(EDGE_FACES[p] & EDGE_FACES[q] for p, q in inner):
-            continue
-        length = sum(float(((middle[p] - middle[q]) ** 2).sum()) for p, q in inner)
-        if length < least:
-            best, least = triangles, length
-    if best is None:
+
+    def length(found) -> float:
+        return sum(DIAGONALS[polygon[a]][polygon[b]] for a, b in found[1])
+
+    best = min(triangulations(len(polygon)), key=length)
+    if length(best) == math.inf:
         raise ValueError(f"loop {polygon} has no triangulation free of diagonals in a cell face")
-    return best
+    return [tuple(polygon[c] for c in triangle) for triangle in best[0]]
 
 
 def build() -> tuple[np.ndarray, np.ndarray]:
