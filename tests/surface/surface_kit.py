@@ -99,6 +99,8 @@ class Water:
         self.state.load(plan)
         self.surface = self.state.build_once(surface_of, room)
         self.surface.load(SIZE, CELL)
+        # Otherwise particles are spray that have the numbers of loose ones of an earlier test.
+        self.surface.reset()
 
     def nodes(self, field) -> np.ndarray:
         """Returns a flat field over the lattice's nodes as (nx, ny, nz) or (nx, ny, nz, 3)."""
