@@ -4,7 +4,7 @@ Rays of the eye and reflected and refracted rays look up the same lattice, so th
 same colour in all of them. Borders between colours are about a cell wide.
 """
 
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 import taichi as ti
@@ -13,6 +13,7 @@ from msph.device_table import DeviceTable, f32, i32
 from msph.fluid.boundary.rigid_bodies import Body, Solid, centre
 from msph.fluid.external_forces import cross
 from msph.fluid.room import MAX_BODIES
+from msph.kept_arrays import kept
 from msph.launches import data_oriented
 from msph.picture.pixels import colour_of, words
 
@@ -76,8 +77,14 @@ class BodyPaint:
 @lru_cache(MAX_BODIES)
 def painted(body: Solid, room: int) -> tuple[np.ndarray, float, np.ndarray]:
     """Returns lattice() of a painted body, in its frame, with albedos as words (nx, ny, nz)."""
-    low, cell, found = lattice(body.vertices[body.triangles] - centre(body), body.paint, room)
-    return low, cell, words(found)
+    given = body.vertices[body.triangles] - centre(body), body.paint, room
+    low, cell, found = kept(partial(_painted, *given), "paint", *given)
+    return low, float(cell), found
+
+
+def _painted(corners: np.ndarray, paint: np.ndarray, room: int) -> list[np.ndarray]:
+    low, cell, found = lattice(corners, paint, room)
+    return [low, np.array(cell), words(found)]
 
 
 def lattice(

@@ -4,13 +4,14 @@ import io
 import math
 import os
 import re
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from msph.errors import did_you_mean
+from msph.kept_arrays import kept
 from msph.picture.tone import CLAY, albedo
 from msph.scene.library import assets
 
@@ -55,9 +56,17 @@ def load_mesh(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
 
     Raises MeshError if the file cannot be read, lacks a material or does not enclose a volume.
     """
+    path = find_mesh(name)
+    files = [path, library_of(path)]
+    content = [f.read_bytes() if f and os.access(f, os.R_OK) else b"" for f in files]
+    vertices, triangles, albedos = kept(partial(_read, path), "mesh", path.name, *content)
+    return vertices, triangles, albedos if len(albedos) else None
+
+
+def _read(path: Path) -> list[np.ndarray]:
+    """Returns load_mesh() of a file, with an empty array for a file without colours."""
     import trimesh  # 0.4 s to import, and only meshes need it
 
-    path = find_mesh(name)
     try:
         text, how = source(path)
         scene: Any = trimesh.load(text, force="scene", **how)
@@ -68,8 +77,8 @@ def load_mesh(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         mesh: Any = trimesh.util.concatenate(bare) if bare else trimesh.Trimesh()
         # Vertices that the file repeats for different normals or colours.
         mesh.merge_vertices(merge_tex=True, merge_norm=True)
-        kept = mesh.nondegenerate_faces()
-        mesh.update_faces(kept)
+        used = mesh.nondegenerate_faces()
+        mesh.update_faces(used)
     except MeshError:
         raise
     except Exception as error:  # each of trimesh's readers has its own errors
@@ -91,7 +100,7 @@ def load_mesh(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         triangles = triangles[:, ::-1]
     parts = trimesh.graph.connected_components(mesh.face_adjacency, nodes=np.arange(len(triangles)))
     check_parts([vertices[triangles[part]] for part in parts], path.name)
-    return vertices, triangles, None if albedos is None else albedos[kept]
+    return [vertices, triangles, np.zeros((0, 3)) if albedos is None else albedos[used]]
 
 
 def albedos_of(path: Path, parts: list[Any]) -> np.ndarray | None:
@@ -115,19 +124,24 @@ def albedos_of(path: Path, parts: list[Any]) -> np.ndarray | None:
 def check_materials(path: Path) -> None:
     """Raises MeshError if an .obj file names a library of materials that is not there, or that
     lacks one of its materials."""
-    if path.suffix.lower() != ".obj":
-        return
-    text = path.read_text(encoding="latin-1")
-    library, used = entries(text, "mtllib")[:1], entries(text, "usemtl")
+    library = library_of(path)
+    used = entries(path.read_text(encoding="latin-1"), "usemtl") if library else []
     if library and used:
-        beside = path.with_name(Path(library[0]).name)
-        if not os.path.isfile(beside):
-            raise MeshError(f"{path.name}: has materials, but there is no file {beside.name}")
-        defined = entries(beside.read_text(encoding="latin-1"), "newmtl")
+        if not os.path.isfile(library):
+            raise MeshError(f"{path.name}: has materials, but there is no file {library.name}")
+        defined = entries(library.read_text(encoding="latin-1"), "newmtl")
         missing = [name for name in used if name not in defined]
         if missing:
             hint = did_you_mean(missing[0], defined, "known")
-            raise MeshError(f"{path.name}: material {missing[0]} is not in {beside.name}; {hint}")
+            raise MeshError(f"{path.name}: material {missing[0]} is not in {library.name}; {hint}")
+
+
+def library_of(path: Path) -> Path | None:
+    """Returns the file of materials that an .obj file names, which may not exist, or None."""
+    if path.suffix.lower() != ".obj" or not os.access(path, os.R_OK):
+        return None
+    library = entries(path.read_text(encoding="latin-1"), "mtllib")
+    return path.with_name(Path(library[0]).name) if library else None
 
 
 def entries(text: str, keyword: str) -> list[str]:

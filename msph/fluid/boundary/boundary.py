@@ -33,6 +33,7 @@ from msph.fluid.constants import Constants
 from msph.fluid.external_forces import ExternalForces, rotation_vector
 from msph.fluid.particles.layers import Layers, LayerSpec
 from msph.fluid.room import Room
+from msph.kept_arrays import kept
 from msph.launches import data_oriented, kernel
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
@@ -396,6 +397,10 @@ def _own_name(body: Body) -> str:
 
 def _corners(mesh: Solid) -> np.ndarray:
     """Returns the vertices (n, 3) [m] of a mesh's convex hull, in its frame."""
-    from scipy.spatial import ConvexHull  # only meshes need it
 
-    return mesh.vertices[ConvexHull(mesh.vertices).vertices] - centre(mesh)
+    def hull() -> list[np.ndarray]:
+        from scipy.spatial import ConvexHull  # 0.2 s to import
+
+        return [ConvexHull(mesh.vertices).vertices]
+
+    return mesh.vertices[kept(hull, "hull", mesh.vertices)[0]] - centre(mesh)

@@ -1,8 +1,10 @@
 """Sampled fields of a closed mesh: its signed distance, and its share for each layer's kernel."""
 
+from functools import partial
 from weakref import WeakKeyDictionary
 
 import numpy as np
+import taichi as ti
 
 from msph.fluid.boundary.rigid_bodies import Body, Solid, centre
 from msph.fluid.boundary.sampled_fields import SampleLattice
@@ -10,6 +12,7 @@ from msph.fluid.boundary.signed_distance import signed_distance
 from msph.fluid.boundary.volume_map import kernel_share
 from msph.fluid.boundary.wall_integrals import wall_support
 from msph.fluid.particles.layers import LayerSpec
+from msph.kept_arrays import kept
 
 # Cell of the lattices in supports: keeps shares accurate to 0.001.
 CELL = 0.2
@@ -40,7 +43,10 @@ def sample(body: Solid, own: list[SampleLattice], specs: list[LayerSpec]) -> lis
     """Returns a mesh's distances [m] and its shares' B-spline coefficients (-), by lattice."""
     known, key = _known.setdefault(body, {}), tuple(specs)
     if key not in known:
-        known[key] = _sample(body, own, specs)
+        # Sums of several threads have other rounding errors than those of one.
+        how = "samples", str(ti.cfg.arch), ti.cfg.cpu_max_num_threads
+        given = *how, body.vertices, body.triangles, centre(body), own, specs
+        known[key] = kept(partial(_sample, body, own, specs), *given)
     return known[key]
 
 
