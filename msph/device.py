@@ -89,8 +89,6 @@ def start(arch: str = "auto", threads: int | None = None, tested: bool = False) 
     # Hides Taichi's line with the architecture.
     with importing(), contextlib.redirect_stdout(io.StringIO()):
         ti.init(arch=wanted, log_level=ti.ERROR, **options)
-    # Garbage collection visits what was imported no more, which lives as long as the process.
-    gc.freeze()
     # The last collection would take 0.4 s. Functions registered later are called before.
     atexit.register(gc.freeze)
     # Taichi writes its kernel cache when its program is destroyed, which the end of Python does not

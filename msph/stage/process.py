@@ -2,6 +2,7 @@
 first."""
 
 import contextlib
+import gc
 import multiprocessing
 import os
 import signal
@@ -89,6 +90,7 @@ def _serve(connection: Connection, arch: str, threads: int | None) -> None:
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with importing():
         from msph.stage.simulating import serve
+    gc.freeze()  # what was imported lives as long as the process
     serve(connection, arch, threads)
 
 
