@@ -41,8 +41,10 @@ class Script(Screen):
         self.keys |= {8 + 7 * k: [tool.key] for k, tool in enumerate(TOOLS)}
 
     def presses(self):
-        self.frame += 1
-        k = self.frame
+        k = self.player.row.lead.frames
+        if k == self.frame:
+            return []
+        self.frame = k
         self.at = np.array([0.4 + 0.2 * (k % 7) / 7, 0.35 + 0.1 * (k % 5) / 5])
         self.held = {"LMB"} if 8 < k < 72 and k % 7 != 1 else set()
         self.held |= {"Left"} if 70 < k < 80 or 110 < k < 120 else set()
