@@ -2,8 +2,8 @@
 
 The pressure solve then has no solution: the density rises, or pressures grow without bound and
 steps shrink. Criteria: the mean density around the densest particle, at a body, exceeds the rest
-density by TRAPPED_EXCESS; sqrt(p/rho) exceeds TRAPPED_RATIO times the largest speed that bodies and
-gravity can cause.
+density by TRAPPED_EXCESS; sqrt(p/rho) exceeds TRAPPED_RATIO times the sum of the speed of the
+fastest particle and of the largest speed that bodies and gravity can cause.
 """
 
 import math
@@ -19,6 +19,8 @@ from msph.fluid.particles.particles import Particles
 # Ratio (-) of sqrt(p/rho) to the largest speed: no impact of the shipped scenes reaches it in 2 s,
 # and a piston without a gap exceeds it within a few steps.
 TRAPPED_RATIO = 100.0
+# Least speed [m/s] that is compared with: water may rest where there is no gravity.
+LEAST_SPEED = 1e-3
 # Mean density excess (-) within TRAPPED_REACH supports: single particles of the shipped scenes
 # reach a third (`lock`), 99 % of them stay below 0.4 %.
 TRAPPED_EXCESS, TRAPPED_REACH = 0.1, 2.0
@@ -51,12 +53,11 @@ def check_trapped_water(
         if body is not None and boundary.stopped.get(body, math.inf) > time:
             raise TrappedWaterError(body, boundary.name(body), time)
     fall = 2.0 * math.hypot(*external.apparent_gravity) * math.hypot(*boundary.box)
-    speed = TRAPPED_RATIO * (boundary.top_speed + math.sqrt(fall))
-    # Without gravity and motion there is no speed to compare with.
-    if speed == 0.0 or longest_step > layers.finest.spacing / speed:
+    caused = boundary.top_speed + math.sqrt(fall)
+    if max(caused, LEAST_SPEED) * longest_step > layers.finest.spacing / TRAPPED_RATIO:
         return
-    pressure = particles.numpy("pressure")
-    top = int(np.argmax(pressure))
+    pressure, flow = particles.numpy("pressure"), np.linalg.norm(particles.numpy("v"), axis=1).max()
+    top, speed = int(np.argmax(pressure)), TRAPPED_RATIO * (caused + max(flow, LEAST_SPEED))
     if not pressure[top] < layers.finest.density * speed**2:
         body = boundary.nearest_moving(particles.numpy("x")[top])
         raise TrappedWaterError(body, boundary.name(body), time)

@@ -50,6 +50,14 @@ def test_piston_without_a_gap_is_reported_by_name(tmp_path):
         advance(sim, 120)
 
 
+def test_water_thrown_at_a_wall_beside_a_slow_body_is_not_trapped(tmp_path):
+    """Regression: without gravity, pressures were compared with the speed of the body alone."""
+    thrown = ("gravity=[0, 0, 0]", "bodies.0.spin=1e-100", "water.0.velocity=[2, 0, 0]")
+    sim = build_simulation(load(tmp_path, *thrown))
+    advance(sim, 15, WEIGHTLESS)
+    assert sim.particles.numpy("pressure").max() > 0.0
+
+
 def test_piston_over_half_of_the_box_traps_no_water(tmp_path):
     room = ("bodies.1.hi=[0.12, 0.38, 0.24]", "bodies.1.velocity=[0, -0.5, 0]")
     sim = build_simulation(load(tmp_path, *room))
