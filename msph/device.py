@@ -89,7 +89,7 @@ def start(arch: str = "auto", threads: int | None = None, tested: bool = False) 
     # Hides Taichi's line with the architecture.
     with importing(), contextlib.redirect_stdout(io.StringIO()):
         ti.init(arch=wanted, log_level=ti.ERROR, **options)
-    # The last collection would take 0.4 s. Functions registered later are called before.
+    # At its end, Python would search all objects for cycles, for 0.4 s.
     atexit.register(gc.freeze)
     # Taichi writes its kernel cache when its program is destroyed, which the end of Python does not
     # always do.

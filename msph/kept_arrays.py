@@ -1,14 +1,13 @@
 """Arrays that take long to compute, kept between runs in the user's cache folder.
 
-A mesh of a body is read, sampled and coloured at each start, in each process: reading it takes
-0.4 s, most of it to import trimesh, sampling 0.2 to 0.7 s and colouring 0.4 s. Kept arrays take
-some milliseconds.
+The mesh of a body is needed at each start, in each process. Reading its file takes 0.3 s, of which
+most is the import of trimesh, sampling it 0.2 to 0.7 s, and colouring it 0.4 s. Reading the kept
+arrays takes some milliseconds.
 """
 
 import contextlib
 import hashlib
 import os
-import zipfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -31,10 +30,8 @@ def kept(compute: Callable[[], list[np.ndarray]], *given: Any) -> list[np.ndarra
         digest.update(f"{(each.dtype.str, each.shape) if array else each!r};".encode())
         digest.update(np.ascontiguousarray(each).tobytes() if array else b"")
     path = user_cache.file().parent / "arrays" / f"{digest.hexdigest()}.npz"
-    with (
-        contextlib.suppress(OSError, ValueError, EOFError, zipfile.BadZipFile),
-        np.load(path) as at,
-    ):
+    # Damaged files raise errors of many kinds, for example of encryption and of memory.
+    with contextlib.suppress(Exception), np.load(path) as at:
         return [at[name] for name in at.files]
     found = compute()
     with contextlib.suppress(OSError):
@@ -44,14 +41,15 @@ def kept(compute: Callable[[], list[np.ndarray]], *given: Any) -> list[np.ndarra
 
 @cache
 def code() -> str:
-    """Returns a digest of the names, sizes and times of this program's files of code."""
+    """Returns a digest of the paths, sizes and modification times of this program's modules."""
     files = [(str(f), f.stat()) for f in sorted(Path(__file__).parent.rglob("*.py"))]
     text = repr([(name, about.st_size, about.st_mtime_ns) for name, about in files])
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _write(path: Path, arrays: list[np.ndarray]) -> None:
-    """Writes a file at once, as another process may do the same, and removes the oldest files."""
+    """Writes a file and removes the oldest ones. The file is renamed when it is complete, since
+    another process may read or write it at the same time."""
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f"{path.stem}.{os.getpid()}.part")
     with part.open("wb") as file:

@@ -47,14 +47,21 @@ def test_arrays_are_computed_once_for_each_input_and_each_version_of_the_code(fo
     assert len(calls) == 6
 
 
-@pytest.mark.parametrize("damage", [b"", b"PK\3\4 not a file", None])
+@pytest.mark.parametrize("damage", ["empty", "text", "flipped", "encrypted"])
 def test_damaged_files_are_computed_again(folder, damage):
     compute, calls = counted()
     kept(compute)
     (file,) = folder.iterdir()
     content = file.read_bytes()
-    flipped = content[:150] + bytes(255 - b for b in content[150:160]) + content[160:]
-    file.write_bytes(flipped if damage is None else damage)
+    # In the first entry of the directory at the end, bit 0 of the flags at byte 8 marks encryption.
+    flags = content.index(b"PK\1\2") + 8
+    damaged = {
+        "empty": b"",
+        "text": b"PK\3\4 not a file",
+        "flipped": content[:150] + bytes(255 - b for b in content[150:160]) + content[160:],
+        "encrypted": content[:flags] + b"\1" + content[flags + 1 :],
+    }
+    file.write_bytes(damaged[damage])
     assert np.array_equal(kept(compute)[0], np.arange(6.0).reshape(2, 3)) and len(calls) == 2
     kept(compute)
     assert len(calls) == 2

@@ -19,7 +19,8 @@ from msph.fluid.particles.particles import Particles
 # Ratio (-) of sqrt(p/rho) to the largest speed: no impact of the shipped scenes reaches it in 2 s,
 # and a piston without a gap exceeds it within a few steps.
 TRAPPED_RATIO = 100.0
-# Least speed [m/s] that is compared with: water may rest where there is no gravity.
+# Least speed [m/s] in these comparisons: without gravity and motion, pressures of rounding errors
+# would exceed those of zero speed. Nothing slower is seen.
 LEAST_SPEED = 1e-3
 # Mean density excess (-) within TRAPPED_REACH supports: single particles of the shipped scenes
 # reach a third (`lock`), 99 % of them stay below 0.4 %.

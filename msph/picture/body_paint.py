@@ -83,6 +83,7 @@ def painted(body: Solid, room: int) -> tuple[np.ndarray, float, np.ndarray]:
 
 
 def _painted(corners: np.ndarray, paint: np.ndarray, room: int) -> list[np.ndarray]:
+    """Returns painted() of triangles (t, 3, 3) [m] with albedos (t, 3), as arrays."""
     low, cell, found = lattice(corners, paint, room)
     return [low, np.array(cell), words(found)]
 

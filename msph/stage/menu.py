@@ -51,12 +51,11 @@ class Menu:
             paint = partial(self.panel.paint, lead, layout.column_size, layout.text)
             layout.pages["settings"].show(self.panel.content(lead), paint, (0, layout.top))
 
-    def touch(self, cursor: np.ndarray, down: bool, pressed: bool) -> bool:
-        """Handles the left mouse button over the panel; see Page.act. Returns True if a widget is
-        used."""
+    def touch(self, cursor: np.ndarray, down: bool, pressed: bool) -> None:
+        """Handles the left mouse button over the panel; see Page.act."""
         acted = self.layout.pages["settings"].act(cursor, down, pressed)
         if acted is None:
-            return False
+            return
         name, value = acted
         kind, _, chosen = name.partition(" ")
         if value is not None:
@@ -72,7 +71,6 @@ class Menu:
             self.select(Choice(chosen, self.choice.quality))
         elif kind == "quality" and chosen != self.choice.quality_now:
             self.select(Choice(self.choice.scene, chosen, self.row.lead.changes()))
-        return True
 
     def step(self, by: int) -> None:
         """Moves the selection among the shipped scenes."""

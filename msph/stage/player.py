@@ -79,7 +79,8 @@ class Player(Audience):
         return self.menu.next if self.window.open and not self.done else None
 
     def wants_more(self, row: Row) -> bool:
-        if self._read_input():  # given while the last image was presented
+        # Input that arrived while the last image was presented is answered before the next one.
+        if self._read_input():
             row.draw()
             self._present(row)
         row.receive()
@@ -104,8 +105,9 @@ class Player(Audience):
         return controls
 
     def _read_input(self) -> bool:
-        """Acts on keys pressed since the last call, and on the mouse over pages; returns True if
-        there are any. It is called after each slow part of a frame, so that pages answer soon."""
+        """Acts on keys pressed since the last call, and on the mouse over pages; returns True if a
+        key was pressed, or a button on a page. It is called after each slow part of a frame, so
+        that pages answer soon."""
         steering, guide, pressed = self.steering, self.guide, self.window.presses()
         steering.read_cursor()
         mouse = steering.cursor, self.window.down("LMB"), "LMB" in pressed
@@ -120,13 +122,11 @@ class Player(Audience):
             elif key in ACTIONS:
                 self._press(ACTIONS[key])
         self.pressed += pressed
-        acted = self.slides or bool(set(pressed) - set(BUTTONS))
         if not self.slides:
-            acted |= self.menu.touch(*mouse)
+            self.menu.touch(*mouse)
             if chosen := self.layout.pages["tools"].act(*mouse):
                 self._choose_tool(BY_NAME[chosen[0]])
-                acted = True
-        return acted
+        return any(key not in BUTTONS or self._on_page() for key in pressed)
 
     @property
     def _paused(self) -> bool:

@@ -90,7 +90,8 @@ def _serve(connection: Connection, arch: str, threads: int | None) -> None:
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with importing():
         from msph.stage.simulating import serve
-    gc.freeze()  # what was imported lives as long as the process
+    # Imported objects live as long as the process: the garbage collector need not visit them.
+    gc.freeze()
     serve(connection, arch, threads)
 
 

@@ -54,7 +54,7 @@ class Steering:
         self.row.lead.display.camera.stretch = self.window.aspect * height / width
 
     def press(self, button: str, free: bool) -> None:
-        """Notes a press of a mouse button, outside the pages if `free`."""
+        """Stores the press of a mouse button; free: outside the pages."""
         self.free[button] = free
         if free and button == "LMB":
             self.clicks.append((self.tool, self.cursor))
@@ -124,7 +124,7 @@ class Steering:
     def use_tool(self, still: bool, step: float, on_page: bool) -> ToolUse | None:
         """Returns the use of a tool where the left button holds water, otherwise the wake of the
         cursor. still: no time passes. Each press while the simulation has not answered acts later,
-        in a frame of its own, with the tool of its time."""
+        in a frame of its own, with the tool that was active when the button was pressed."""
         left, right, middle = self.held_buttons()
         if self.row.busy:
             return None

@@ -126,8 +126,8 @@ TOOLS = (
         "float", "y", "tool: click to throw in a body (the first takes long), drag it", floats.use
     ),
     Tool("tap", "z", "tool: hold to pour water above the cursor", taps.tap),
-    # GGUI reports letters only, and all others have their action.
-    Tool("drain", "z", "again: hold to drain water below the cursor", taps.drain),
+    # Shares its key: GGUI reports letters but no digits, and all letters have an action.
+    Tool("drain", "z", "tool after the tap: hold to drain water below the cursor", taps.drain),
 )
 # Tool of a cursor without a pressed button.
 HOVER = Tool("hover", "", "", hover)
@@ -135,7 +135,8 @@ BY_NAME = {tool.name: tool for tool in (*TOOLS, HOVER)}
 
 
 def next_tool(key: str, active: Tool) -> Tool:
-    """Returns the tool of a key; of several, the one after the active tool."""
+    """Returns the tool of a key. Of several tools with this key, returns the one after the active
+    tool, or the first one if another tool is active."""
     tools = [tool for tool in TOOLS if tool.key == key]
     after = tools.index(active) + 1 if active in tools else 0
     return tools[after % len(tools)]

@@ -230,6 +230,20 @@ def test_the_panel_fits_the_window_and_is_painted_only_when_it_changes(player, s
         assert max(w.bottom for w in sheet.widgets) <= height
 
 
+def test_a_held_slider_does_not_present_each_image_twice(player, show, monkeypatch):
+    """Regression: frames in which a slider was held were drawn and presented once more."""
+    press(player, show, "i")
+    slider = next(w for w in widgets(player) if isinstance(w, Slider))
+    at_panel(player, slider.right, 0.5 * (slider.top + slider.bottom))
+    player.window.held = {"LMB"}
+    press(player, show, "LMB")
+    assert read(show.scene, slider.name) == pytest.approx(slider.hi)
+    presented = []
+    monkeypatch.setattr(player.window, "show", presented.append)
+    assert player.wants_more(player.row) and not presented
+    player.window.held = set()
+
+
 def test_a_drag_that_begins_outside_the_panel_moves_no_slider(player, show):
     press(player, show, "i")
     slider = next(w for w in widgets(player) if isinstance(w, Slider))
