@@ -46,7 +46,7 @@ class Page:
 
     def hide(self) -> None:
         self.overlay.hide(self.name)
-        self.shown = None
+        self.shown = self.held = None
 
     def position(self, cursor: np.ndarray) -> tuple[float, float]:
         """Converts a cursor from (right, up) in shares of the image to (right, down) in pixels from
