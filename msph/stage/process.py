@@ -2,7 +2,6 @@
 first."""
 
 import contextlib
-import gc
 import multiprocessing
 import os
 import signal
@@ -90,8 +89,6 @@ def _serve(connection: Connection, arch: str, threads: int | None) -> None:
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with importing():
         from msph.stage.simulating import serve
-    # Imported objects live as long as the process: the garbage collector need not visit them.
-    gc.freeze()
     serve(connection, arch, threads)
 
 
