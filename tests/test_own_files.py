@@ -27,7 +27,8 @@ def command():
     own_files.release()
 
 
-# Script of a process that claims the same files as others at the same time.
+# Script of a process that claims the same files as others at the same time. It runs until its
+# standard input ends, since empty files of a process that has ended are free.
 RIVAL = """
 import sys, time
 from pathlib import Path
@@ -41,7 +42,8 @@ for k in range(200):
         won += 1
     except ExistingFileError:
         pass
-print(won, *(free_stem(folder, "pool") for _ in range(20)))
+print(won, *(free_stem(folder, "pool") for _ in range(20)), flush=True)
+sys.stdin.read()
 """
 
 
@@ -49,8 +51,11 @@ def test_of_processes_that_claim_the_same_files_one_succeeds(tmp_path):
     """Regression: two captures started together in one folder wrote the same files, and both
     reported success."""
     run = [sys.executable, "-c", RIVAL, str(tmp_path), str(time.time() + 1.0)]
-    rivals = [subprocess.Popen(run, stdout=subprocess.PIPE, text=True) for _ in range(3)]
-    found = [rival.communicate(timeout=60)[0].split() for rival in rivals]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    rivals = [subprocess.Popen(run, text=True, **pipes) for _ in range(3)]
+    found = [rival.stdout.readline().split() for rival in rivals]
+    for rival in rivals:
+        rival.communicate(timeout=60)
     assert sum(int(won) for won, *_ in found) == 200
     stems = [stem for _, *own in found for stem in own]
     assert len(stems) == len(set(stems)) == 60
