@@ -90,6 +90,18 @@ def test_simulations_in_turn_share_kernels_and_keep_their_results(tmp_path):
         assert np.array_equal(state["x"], pairs[-1][0].particles.x)
 
 
+def test_an_image_does_not_show_the_spray_of_other_water():
+    """A film is drawn whole, also if the last image showed one of its numbers as a lone particle."""
+    film = {"water": [{"lo": (0, 0, 0), "hi": (0.4, 0.04, 0.4)}]}
+    lone = {"water": [{"lo": (0.2, 0.2, 0.2), "hi": (0.24, 0.24, 0.24)}, *film["water"]]}
+    with msph.open(POOL, set=lone) as water:
+        water.image(64, 36)
+    with msph.open(POOL, set=film) as water:
+        first = water.image(64, 36)
+        water.reset()
+        assert np.array_equal(first, water.image(64, 36))
+
+
 def test_dropped_simulations_return_their_fields():
     """A simulation that is dropped without close() does not keep its fields."""
     from msph.fluid import world

@@ -52,8 +52,9 @@ class Display:
         self.views = Views(self.state, self.scene) if size else None
         white = self.surface and self.scene.picture.whitewater
         self.whitewater = self.state.build_once(whitewater_of) if white else None
-        if self.whitewater:
-            self.whitewater.reset()
+        for part in (self.surface, self.whitewater):  # other water may have used them
+            if part:
+                part.reset()
         if size:
             self.camera = self.framing()
 
