@@ -127,14 +127,17 @@ class Display:
         return [*found, *self.picture.later_kernels(), self._draw_next_view]
 
     def _draw_next_view(self) -> None:
-        """Draws the next view, over which the next image is drawn."""
-        name, wanted = self.views.name, self.state.wanted
+        """Draws the next view, also with a picked particle; the next image is drawn over it."""
+        views, wanted = self.views, self.state.wanted
+        self.views = Views(self.state, self.scene)
+        self.views.next()
         try:
-            self.views.next()
-            self.state.wanted = self.views.wanted
-            self.draw()
+            for index in (None, 0):
+                self.views.neighbourhood.pick(index)
+                self.state.wanted = self.views.wanted
+                self.draw()
         finally:
-            self.views.name, self.state.wanted = name, wanted
+            self.views, self.state.wanted = views, wanted
 
     def reset(self) -> None:
         """Removes spray, whitewater, ripples and wetness; the camera stays."""

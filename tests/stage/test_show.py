@@ -7,6 +7,7 @@ import time
 import numpy as np
 import pytest
 
+from msph.launches import watch_compiling
 from msph.measure.timings import Timings
 from msph.scene import load_scene
 from msph.scene.build import build_simulation
@@ -69,6 +70,14 @@ def test_kernels_compiled_in_later_frames_change_nothing(tmp_path):
             show.frame(Controls())
         assert not show.later
         seen.append((show.simulation.particles.numpy("x"), show.display.picture.to_numpy_u8()))
+    kernels: list[str] = []
+    with watch_compiling(kernels.append):
+        show.display.views.next()
+        show.frame(Controls())
+        show.display.views.neighbourhood.pick(0)
+        show.frame(Controls())
+    # A process without a window compiles what it copies for a view when it is asked.
+    assert set(kernels) <= {"State.view_length"}
     show.close()
     for one, other in zip(*seen, strict=True):
         np.testing.assert_array_equal(one, other)
