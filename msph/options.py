@@ -41,8 +41,8 @@ class PlayOptions:
 @dataclass(frozen=True)
 class CaptureOptions:
     """Options of `capture`: output files, duration [s], frames per simulated second, size (width,
-    height) [pixels]. still_time [s]: time of a still image, None for the last frame. record_input,
-    replay: as in PlayOptions."""
+    height) [pixels]. still_time [s]: time of a still image, None for the last frame. smooth: several
+    rays per pixel unless the scene sets their number. record_input, replay: as in PlayOptions."""
 
     fps: float
     size: tuple[int, int]
@@ -57,6 +57,7 @@ class CaptureOptions:
     resume: str | None = None
     force: bool = False
     still_time: float | None = None
+    smooth: bool = True
     record_input: Path | None = None
     replay: Path | None = None
 

@@ -78,6 +78,7 @@ def capture_instead(
     instead = CaptureOptions(
         *(FALLBACK_FPS, FALLBACK_SIZE, seconds, files),
         still_time=STILL_TIME,
+        smooth=False,  # the images of a window, in half the time
         record_input=options.record_input,
         replay=options.replay,
     )
@@ -92,7 +93,9 @@ def capture(
     """Records a scene to files; process: see record()."""
     scene, run, recording = with_recording(scene, run, options.replay)
     exclude("--replay", recording, "--resume", options.resume)
-    loaded = smooth(load_scene(scene, run.overrides))
+    loaded = load_scene(scene, run.overrides)
+    if options.smooth:
+        loaded = smooth(loaded)
     video = ".webm" if loaded.picture.alpha else ".mp4"
     some = options.outputs or options.data
     pictures = options.outputs if some else [default_output(scene, video)]
