@@ -255,10 +255,10 @@ class Picture:
         return found
 
     @kernel
-    def average(self, rays: ti.i32, width: ti.i32, height: ti.i32):
+    def average(self, rays: ti.template(), width: ti.i32, height: ti.i32):
         for i, j in ti.ndrange(width, height):
             total = ti.math.vec3(0.0)
-            for a, b in ti.ndrange(rays, rays):
+            for a, b in ti.static(ti.ndrange(rays, rays)):
                 total += colour_of(self.fields.canvas[i * rays + a, j * rays + b])
             self.fields.resolved[i, j] = total / rays**2
 
