@@ -138,12 +138,14 @@ class ThinWater:
         if not deep:
             c = self.coverage(i, bodies)
             drop = c[1] > DROP_GAP
+            # Its images in walls do not hold a drop together.
+            loose = 1.0 if drop else self.looseness(c[0], layer)
             if ti.static(bodies):
                 if drop:
                     radius = SPHERE_RADIUS * self.layers.spacing[layer]
                     drop = self.bodies.clearance(self.particles.x[i]) > radius
             if inside:
-                kept -= image * self.spray.follow(i, self.looseness(c[0], layer), frame, dt)
+                kept -= image * self.spray.follow(i, loose, frame, dt)
             if drop:
                 self.kernel[i][1] = 0.0
                 if inside and kept > 0.0:

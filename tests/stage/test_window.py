@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from msph.lesson.paint import CAPTION, LINE, NAME, PAD, band_height
-from msph.scene.load import read_toml
+from msph.scene.load import load_scene, read_toml
 from msph.stage import commands
 from msph.stage.layout import GAP
 from msph.stage.sheet import text_height
@@ -146,3 +146,4 @@ def test_without_a_display_play_captures_instead(no_display, tmp_path, monkeypat
     assert "out/small.mp4" in run.stdout and "out/small.png" in run.stdout
     assert video.stat().st_size > 10_000
     assert imageio.imread(still).shape == (HEIGHT, WIDTH, 3)
+    assert load_scene(tmp_path / "out" / "small.scene.toml").picture.supersample == 1

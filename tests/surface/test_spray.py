@@ -51,7 +51,8 @@ def test_patterns_are_balanced_and_equal():
 
 def test_lone_particles_become_droplets_of_their_volume(water, surface):
     """An image's mesh lacks lone particles, an exported mesh has them."""
-    x = np.array([(0.1, 0.2, 0.1), (0.3, 0.4, 0.2), (0.5, FINE, 0.3)])
+    at_a_wall = (0.1, 0.4, 0.1 * FINE)  # regression: its image kept a third of it as a ball
+    x = np.array([(0.1, 0.2, 0.1), (0.3, 0.4, 0.2), (0.5, FINE, 0.3), at_a_wall])
     water.fill(x)
     for _ in range(3):
         surface.advance(SPREADING)
