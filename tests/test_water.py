@@ -91,7 +91,7 @@ def test_simulations_in_turn_share_kernels_and_keep_their_results(tmp_path):
 
 
 def test_an_image_does_not_show_the_spray_of_other_water():
-    """A film is drawn whole, also if the last image showed one of its numbers as a lone particle."""
+    """A film is drawn whole, also if its numbers were those of lone particles in the last image."""
     film = {"water": [{"lo": (0, 0, 0), "hi": (0.4, 0.04, 0.4)}]}
     lone = {"water": [{"lo": (0.2, 0.2, 0.2), "hi": (0.24, 0.24, 0.24)}, *film["water"]]}
     with msph.open(POOL, set=lone) as water:
