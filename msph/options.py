@@ -41,8 +41,8 @@ class PlayOptions:
 @dataclass(frozen=True)
 class CaptureOptions:
     """Options of `capture`: output files, duration [s], frames per simulated second, size (width,
-    height) [pixels]. still_time [s]: time of a still image, None for the last frame. smooth: with
-    several rays per pixel, if the scene does not set their number. record_input, replay: as in
+    height) [pixels]. still_time [s]: time of a still image, None for the last frame. smooth: True
+    for several rays per pixel unless the scene sets their number. record_input, replay: as in
     PlayOptions."""
 
     fps: float

@@ -52,8 +52,8 @@ class Picture:
     drawn, and makes ripples if the look shows them. Each may be None.
 
     The constructor allocates all memory; `load`, `change` and `resize` only set numbers, so no
-    kernel is compiled twice. Kernels for bodies, particles, legends, supersampling and upscaling
-    are compiled when they are first used.
+    kernel is compiled twice. Kernels for bodies, particles, legends, supersampling (one for each
+    number of rays) and upscaling are compiled when they are first used.
     """
 
     def __init__(

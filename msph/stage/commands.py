@@ -78,7 +78,7 @@ def capture_instead(
     instead = CaptureOptions(
         *(FALLBACK_FPS, FALLBACK_SIZE, seconds, files),
         still_time=STILL_TIME,
-        smooth=False,  # the images of a window, in half the time
+        smooth=False,  # as in a window: four rays per pixel take twice as long
         record_input=options.record_input,
         replay=options.replay,
     )

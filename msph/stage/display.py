@@ -52,7 +52,7 @@ class Display:
         self.views = Views(self.state, self.scene) if size else None
         white = self.surface and self.scene.picture.whitewater
         self.whitewater = self.state.build_once(whitewater_of) if white else None
-        for part in (self.surface, self.whitewater):  # other water may have used them
+        for part in (self.surface, self.whitewater):  # both may hold the state of other water
             if part:
                 part.reset()
         if size:

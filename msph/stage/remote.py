@@ -185,7 +185,6 @@ class RemoteShow(ShownScene):
         self.interactive = order.options.get("interactive", False)
         self.state = own_state(roomy_plan_of(scene, spare, room))
         self.display: Any = Display(self, size)
-        self.display.reset()
         self.arrays: Any = None
         self.simulated, self.fresh, self.new = 0.0, False, False
         self.reported: dict[str, float] = {}
@@ -207,7 +206,7 @@ class RemoteShow(ShownScene):
             self.display.draw()
         self.later = []
         if self.interactive:
-            # The panel shows the volume, and the bulk density, whose import takes 0.3 s.
+            # The panel shows the volume and the bulk density; SciPy takes 0.3 s to import.
             imports = Thread(target=import_module, args=("scipy.ndimage",), daemon=True)
             volume = self.display.surface.mesh.volume
             self.later = [*self.display.later_kernels(), volume, imports.start]

@@ -2,8 +2,8 @@
 
 A lone particle is as large as a fist, since the simulation resolves no less. In images a particle i
 is shown as droplets to the share s_i (-) of its volume, and as part of the mesh for the rest.
-With t = (c_sheet - c)/(c_sheet - c_isolated) from its coverage c (thin_water.py), 0 in a sheet
-and 1 alone, s_i follows smoothstep(LOOSE, t) at most by dt/FADE in a frame. Droplet k lies at
+With t = (c_sheet - c)/(c_sheet - c_isolated) from its coverage c (thin_water.py), 0 in a sheet, and
+t = 1 for a drop, s_i follows smoothstep(LOOSE, t) at most by dt/FADE in a frame. Droplet k lies at
 
     x_i + R d Q(v) q_k,   R = COMPACT + (WIDE - COMPACT) s_i (1 - exp(-age/SPREADING)),
 

@@ -138,7 +138,7 @@ class ThinWater:
         if not deep:
             c = self.coverage(i, bodies)
             drop = c[1] > DROP_GAP
-            # Its images in walls do not hold a drop together.
+            # The images of a drop in walls are no neighbours that hold it together.
             loose = 1.0 if drop else self.looseness(c[0], layer)
             if ti.static(bodies):
                 if drop:
