@@ -102,6 +102,20 @@ def test_an_image_does_not_show_the_spray_of_other_water():
         assert np.array_equal(first, water.image(64, 36))
 
 
+def test_water_in_the_air_has_relief_and_calm_water_has_none():
+    """Ripples on or off, images of calm water are equal, and of a lump that flies above it not."""
+    lump = {"lo": (0.08, 0.2, 0.16), "hi": (0.32, 0.36, 0.24)}
+    calm = {"lo": (0, 0, 0), "hi": (0.4, 0.12, 0.4)}
+    changed = []
+    for water in ([calm], [calm, lump]):
+        images = []
+        for ripples in (True, False):
+            with msph.open(POOL, set={"water": water, "picture.ripples": ripples}) as opened:
+                images.append(opened.image(160, 90).astype(int))
+        changed.append((abs(images[0] - images[1]).max(axis=2) > 8).mean())
+    assert changed[0] == 0.0 and changed[1] > 0.003, changed
+
+
 def test_dropped_simulations_return_their_fields():
     """A simulation that is dropped without close() does not keep its fields."""
     from msph.fluid import world

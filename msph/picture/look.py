@@ -47,7 +47,9 @@ class Look(Section):
         True, text="spray, foam and bubbles where the water splashes; they do not act on the water"
     )
     ripples: bool = parameter(
-        True, text="small ripples where a hand or drops disturb the surface; in the image only"
+        True,
+        text="small ripples where a hand or drops disturb the surface, and waves on water in air; "
+        "in the image only",
     )
     drying: float = parameter(
         8.0, ge=0.0, le=600.0, unit="s", text="time in which wet walls and bodies dry, 0: never wet"

@@ -35,9 +35,11 @@ WALL_COSINE = 0.98  # smallest cosine between a cut face's normal and the wall's
 MIN_INCIDENCE = 0.03  # smallest cosine of incidence
 PLATE = 0.1  # largest thickness of water on glass that refracts as a plate, over the longest edge
 LUMP = 0.1  # thickness of water in the air from which it refracts in full, over the longest edge
-# Water in the air: thickness that scatters 63 % of a lump's light, over the longest edge; largest
-# share that is scattered by bubbles; light scattered from sky and sun for normals across them.
-FILM, MILK, MILK_SKY, MILK_SUN = 0.012, 0.6, vec3(0.24, 0.33, 0.4), vec3(0.18, 0.21, 0.2)
+# Water in the air: thickness without relief, and that which scatters 63 % of a lump's light, over
+# the longest edge; heights of the relief between which it is white; largest share that is scattered
+# by bubbles; light scattered from sky and sun for normals across them.
+SMOOTH, FILM, FOAMY, MILK = 0.3, 0.012, (0.2, 1.6), 0.4
+MILK_SKY, MILK_SUN = vec3(0.24, 0.33, 0.4), vec3(0.18, 0.21, 0.2)
 DOWNWELLING = 0.5  # share of absorption on the light's way down
 # Places along a ray under water where light is scattered, and share of sunlight (-).
 SHAFT_STEPS, SHAFTS = 16, 0.8
@@ -124,26 +126,36 @@ class WaterShader:
         # The ray enters through the near side of a container.
         cut = cut or (not sunk and self.raster.item(i, j) == self.raster.wet[None])
         p = ti.math.clamp(p, 0.0, walls_of(shot))
+        reach, thickness = depth * stretch, ti.max(back - depth, 0.0) * stretch
+        # Water in the air has rough surfaces and bubbles.
+        airy, bubbles, size = 0.0, 0.0, shot.size.max()
+        if not (cut or sunk) and thickness < SMOOTH * size:
+            if not self.backdrop.covers(i, j, back):
+                airy = 1.0 - ti.math.smoothstep(LUMP, SMOOTH, thickness / size)
         if ti.static(self.rippled):
             if not cut and not straight:
                 n = self.ripples.bend(p, n, shot)
+            if airy > 0.0 and shot.ripples == 1:
+                relief = self.ripples.thin.relief.at(p)
+                n -= airy * (relief.xyz - n * n.dot(relief.xyz))
+                n = (n - d * ti.max(n.dot(d) + MIN_INCIDENCE, 0.0)).normalized()
+                bubbles = airy * ti.math.smoothstep(FOAMY[0], FOAMY[1], relief.w)
         eta = ti.select(sunk, 1.0 / shot.eta, shot.eta)
         c = ti.max(-d.dot(n), MIN_INCIDENCE)
         ct = cosine_beyond(c, eta)
         bent, mirrored = bend(d, n, c, ct, eta), d + 2.0 * c * n
-        reach, thickness = depth * stretch, ti.max(back - depth, 0.0) * stretch
-        if cut and thickness < PLATE * shot.size.max():
+        if cut and thickness < PLATE * size:
             # Thin water on the glass: the ray leaves the water almost in the old direction.
             bent = d
         elif not cut and not sunk:
             # So do thin sheets and small lumps of water in the air.
-            thick = ti.math.clamp(thickness / (LUMP * shot.size.max()), 0.0, 1.0)
+            thick = ti.math.clamp(thickness / (LUMP * size), 0.0, 1.0)
             bent = ti.math.mix(d, bent, thick * thick).normalized()
         share, milk, white = reflectance(c, ct, eta), 0.0, vec3(0.0)
-        airy = not cut and not sunk and thickness < LUMP * shot.size.max()
-        if airy and not self.backdrop.covers(i, j, back):
-            fade, milk = self.aeration(thickness, shot)
-            share *= fade
+        if airy > 0.0:
+            film = 1.0 - ti.exp(-thickness / (FILM * size))
+            # Reflections vanish at the edge of the water.
+            share, milk = share * film, MILK * bubbles * film
             white = MILK_SKY * (1.0 + n.dot(shot.up)) + MILK_SUN * (1.5 + n.dot(shot.sun))
         if sunk:
             if ct == 0.0:
@@ -240,14 +252,6 @@ class WaterShader:
             b = ti.math.clamp(j + ti.select(k < 2, 0, 2 * k - 5), 0, shot.rows - 1)
             found = ti.min(found, ti.bit_cast(self.raster.back[a, b], ti.f32))
         return found
-
-    @ti.func
-    def aeration(self, thickness, shot: ti.template()):
-        """Returns, for water in the air of a thickness [m] along the ray, the share of its
-        reflections, which vanish at its edge, and the share of light that its bubbles scatter."""
-        size = shot.size.max()
-        film = 1.0 - ti.exp(-thickness / (FILM * size))
-        return film, MILK * film * (1.0 - thickness / (LUMP * size))
 
     @ti.func
     def hit_surface(self, i, j, d, shot: ti.template()):

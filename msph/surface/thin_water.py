@@ -32,6 +32,7 @@ from msph.fluid.particles.layers import SPHERE_RADIUS, LayerSpec
 from msph.launches import data_oriented
 from msph.surface.bodies import Bodies
 from msph.surface.fluid_fraction import POLY6, SLOPE, cut_share, missing
+from msph.surface.relief import Relief
 from msph.surface.room import LAYERS, SurfaceRoom
 from msph.surface.spray import Spray
 
@@ -99,6 +100,7 @@ class ThinWater:
         self.numbers = bodies.numbers
         self.by_layer = DeviceTable((LAYERS,), reach=f32, isolated=f32, sheet=f32, thick=f32)
         self.spray = Spray(layers, particles, bodies.numbers, room)
+        self.relief = Relief(layers, grid, particles, bodies.numbers, self.spray)
         self.kernel = ti.Vector.field(2, ti.f32, shape=room.particles)
         self.centre, self.squares, self.products = (
             ti.Vector.field(3, ti.f32, shape=room.particles) for _ in range(3)

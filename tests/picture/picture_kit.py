@@ -47,7 +47,7 @@ class Mesh:
 
 
 class NoDrops:
-    """Replacement of ThinWater that has no spray."""
+    """Replacement of ThinWater without spray, whose relief is flat and full of bubbles."""
 
     class Particles:
         x = v = None
@@ -55,8 +55,14 @@ class NoDrops:
     class Spray:
         loose = count = None
 
+    @ti.data_oriented
+    class Relief:
+        @ti.func
+        def at(self, x):
+            return ti.math.vec4(0.0, 0.0, 0.0, 2.0)
+
     def __init__(self):
-        self.spray = self.Spray()
+        self.spray, self.relief = self.Spray(), self.Relief()
         self.spray.count, self.spray.loose = ti.field(ti.i32, ()), ti.field(ti.i32, 1)
         self.particles = self.Particles()
         self.particles.x = self.particles.v = ti.Vector.field(3, ti.f32, 1)
