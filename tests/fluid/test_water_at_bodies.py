@@ -7,6 +7,7 @@ import pytest
 import trimesh
 
 from bench.held_bodies import sphere
+from msph.fluid.boundary.body_faces import samples
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
 from msph.fluid.external_forces import ExternalForces
 from msph.measure.ledger import Ledger
@@ -94,3 +95,17 @@ def test_water_under_slanted_gravity_gains_no_energy_from_bodies(pool):
         assert ledger.record(gravity).outside == 0
     assert max(e.kinetic for e in ledger.entries) > 0.05 * ledger.reference_energy()
     assert ledger.energy_rise() < 1e-3
+
+
+@pytest.mark.parametrize("fineness", [1, 5])
+def test_samples_of_a_mesh_are_spread_evenly_whatever_its_triangles(fineness):
+    """Regression: each of the duck's 5,690 triangles was a sample, of 2,000 that have room."""
+    mesh, edge, most = trimesh.creation.icosphere(fineness, radius=RADIUS), 0.3 * RADIUS, 1500
+    ball = Solid(np.array(mesh.vertices) + MESH, np.array(mesh.faces))
+    points, areas = samples(ball, edge, most)
+    assert mesh.area / edge**2 < len(points) < most
+    assert np.abs(areas.sum(axis=0)).max() < 1e-9 * mesh.area
+    assert np.linalg.norm(areas, axis=1).sum() == pytest.approx(mesh.area, rel=0.02)
+    assert (points * areas).sum() / 3.0 == pytest.approx(mesh.volume, rel=0.03)
+    assert np.linalg.norm(areas, axis=1).max() < edge**2
+    assert len(samples(ball, edge, 100)[0]) < 100

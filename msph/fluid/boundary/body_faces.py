@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 SUBDIVISIONS = 3
 # Rings of a ball's triangles from pole to pole: outlines are within 0.3 % of the radius.
 RINGS = 16
+# Edge of the cells in which samples are merged, over the longest edge of triangles (-). At 1, mesh
+# balls of 4 spacings radius, a spacing above the floor, lose 2 % of their buoyancy, at 0.5 0.7 %.
+MERGED = 0.5
 # The six faces of the unit cube: corner, and both edges, counter-clockwise from outside.
 CUBE_FACES = [
     ((0, 0, 0), (0, 0, 1), (0, 1, 0)),
@@ -77,7 +80,8 @@ def faces(body: Body) -> "trimesh.Trimesh":
 
 def samples(body: Body, edge: float, most: int) -> tuple[np.ndarray, np.ndarray]:
     """Returns points (n, 3) [m] on the faces of a body relative to its centre, about `edge` [m]
-    apart and at most `most`, and the area vectors (n, 3) [m^2] around them, towards the water."""
+    apart or less and at most `most`, and the area vectors (n, 3) [m^2] around them, towards the
+    water."""
     if isinstance(body, Ball):
         area = 4.0 * np.pi * body.radius**2
         n = int(np.clip(area / edge**2, 12, most))
@@ -90,7 +94,26 @@ def samples(body: Body, edge: float, most: int) -> tuple[np.ndarray, np.ndarray]
         found = split(found)
     inward = isinstance(body, Solid) and body.container
     ab, ac = found[:, 1] - found[:, 0], found[:, 2] - found[:, 0]
-    return found.mean(axis=1), (-0.5 if inward else 0.5) * np.cross(ab, ac)
+    areas = (-0.5 if inward else 0.5) * np.cross(ab, ac)
+    return _merged(found.mean(axis=1), areas, MERGED * edge, most)
+
+
+def _merged(
+    points: np.ndarray, areas: np.ndarray, edge: float, most: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Merges samples whose normals are nearest to the same of the six directions in each cell of
+    `edge` [m], or of larger ones if there are more than `most`: at the mean place, with the sum of
+    the area vectors. Meshes may have triangles of any size."""
+    axis, size = np.abs(areas).argmax(axis=1), np.linalg.norm(areas, axis=1)
+    ahead = areas[np.arange(len(areas)), axis] > 0.0
+    cells = np.column_stack([np.floor(points / edge), axis, ahead])
+    group = np.unique(cells, axis=0, return_inverse=True)[1].ravel()
+    if group.max() >= most:
+        return _merged(points, areas, 2.0 * edge, most)
+    weights = [size, *(size * points.T), *areas.T]
+    total, *sums = (np.bincount(group, weight) for weight in weights)
+    total = np.maximum(total, np.finfo(float).tiny)
+    return np.column_stack(sums[:3]) / total[:, None], np.column_stack(sums[3:])
 
 
 def _longest_edge(triangles: np.ndarray) -> float:
