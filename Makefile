@@ -10,6 +10,10 @@ PYTHON ?= $(shell for p in $(PYTHONS); do \
 	$$p -c 'import sys; sys.exit(not (3, 10) <= sys.version_info < (3, 14))' 2>/dev/null \
 	&& echo $$p && break; done)
 
+# Python compiles the few modules that a start imports; pip would compile all, which takes longer.
+LAZILY := $(if $(PYTHONDONTWRITEBYTECODE),,--no-compile)
+INSTALL = $(RUN) -m pip install --quiet --disable-pip-version-check $(LAZILY) -c constraints.txt
+
 .PHONY: play test test-slow test-all test-plain durations conformance installation check bench clean
 
 play: $(VENV)/play
@@ -62,11 +66,11 @@ $(VENV)/play: pyproject.toml constraints.txt
 		{ echo "$(PYTHON) cannot make virtual environments; on Debian: apt-get install python3-venv" >&2; exit 1; }
 	@echo "setting up $(VENV) with $(PYTHON), once"
 	@$(PYTHON) -m venv $(VENV)
-	@$(RUN) -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	@$(INSTALL) -e .
 	@touch $@
 
 $(VENV)/dev: $(VENV)/play
-	@$(RUN) -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@$(INSTALL) -e '.[dev]'
 	@touch $@
 
 clean:
