@@ -74,8 +74,8 @@ class Backdrop:
 
     @property
     def occupied(self):
-        """True if there are bodies."""
-        return self.faces.boundary is not None and self.faces.boundary.count > 0
+        """True if there are bodies, or images are drawn as if there were."""
+        return self.traits.bodies
 
     def take(self, changed):
         """Finds what changed since the last image, and draws the visible faces and shadows of

@@ -43,7 +43,7 @@ class BodyFaces:
     def load(self) -> None:
         """Loads the boundary's present bodies."""
         parts = [self._shown(body).reshape(-1, 9) for body in self.boundary.bodies]
-        self.corners = np.concatenate(parts).astype(np.float32)
+        self.corners = np.concatenate([np.zeros((0, 9)), *parts]).astype(np.float32)
         self.owner = np.repeat(np.arange(len(parts), dtype=np.int32), [len(p) for p in parts])
 
     @staticmethod

@@ -37,7 +37,9 @@ class BodyPaint:
         self.nodes = DeviceTable((ROOM,), word=i32)
 
     def load(self, bodies: list[Body]) -> None:
-        """Loads the paints of the bodies."""
+        """Loads the paints of the bodies, if there are any."""
+        if not bodies:
+            return
         paints = [getattr(body, "paint", None) for body in bodies]
         number = sum(paint is not None for paint in paints)
         columns, nodes, first = [], [np.zeros(0, np.int32)], 0

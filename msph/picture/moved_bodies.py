@@ -66,7 +66,7 @@ class MovedBodies:
         x = x + way[:, :, None, None] * away
         c = x - shot["eye"]
         depth = c @ shot["forward"]
-        if depth.min() <= NEAR_PLANE:
+        if (depth <= NEAR_PLANE).any():
             return None
         at = np.stack([c @ shot["to_i"], c @ shot["to_j"]], axis=3) / depth[..., None]
         corners = at + shot["centre"]

@@ -104,15 +104,16 @@ class Picture:
         self.box, self.spacing = tuple(map(float, box)), spacing
         self.wetness.load(self.box, spacing)
         self.region = tuple(map(float, region or box))
-        self.take_bodies()
+        self.take_bodies(self.boundary is not None and self.boundary.count > 0)
         self.change(look or Look())
         self.reset()
         self.sky.paint(ti.math.vec3(*self.look.sun_direction()))
         self.resize(width, height)
 
-    def take_bodies(self):
-        """Prepares images of the boundary's present bodies; wet places stay wet."""
-        self.traits.bodies = occupied = self.boundary is not None and self.boundary.count > 0
+    def take_bodies(self, occupied):
+        """Prepares images of the boundary's present bodies, by kernels for bodies if `occupied`;
+        wet places stay wet."""
+        self.traits.bodies = occupied
         if occupied:
             self.bodies.load(self.box)
             self.faces.load()

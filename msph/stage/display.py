@@ -139,6 +139,20 @@ class Display:
         finally:
             self.views, self.state.wanted = views, wanted
 
+    def draw_as_with_bodies(self) -> None:
+        """Draws water without bodies by the kernels for bodies, which a tool may add; the next
+        image is drawn over it."""
+        if self.state.boundary.count:
+            return
+        try:
+            self.surface.has_bodies = True
+            self.picture.take_bodies(True)
+            self.draw()
+        finally:
+            self.surface.has_bodies = False
+            self.picture.take_bodies(False)
+            self.shown = None
+
     def reset(self) -> None:
         """Removes spray, whitewater, ripples and wetness; the camera stays."""
         if self.surface:
@@ -160,7 +174,7 @@ class Display:
         if self.surface and self.shown_bodies != self.state.boundary.count:
             self._load_surface()
             if self.picture:
-                self.picture.take_bodies()
+                self.picture.take_bodies(self.state.boundary.count > 0)
         water = self.picture is not None and self.views.name == "water"
         moment = self._moment() if water and not self.meshes else None
         if moment and moment == self.shown:

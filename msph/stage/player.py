@@ -200,6 +200,9 @@ class Player(Audience):
         self.steering.tool = tool
         self.steering.contact.let_go()
         self.layout.show_message(tool.effect)
+        if tool.bodies:
+            for show in self.row.shows:
+                show.later.append(show.display.draw_as_with_bodies)
 
     def _jolt(self) -> None:
         self.steering.jolted = 0.0

@@ -37,13 +37,14 @@ BALL_RADIUS, BALL_DISTANCE, BALL_SPEED = 0.08, 3.0, 0.7
 class Tool:
     """A tool. key: keyboard key; effect: text of the help page; act: returns the hand of a frame in
     which the button is down, and may add water and bodies (FullError). ball: the hand is shown as a
-    ball."""
+    ball; bodies: the tool adds bodies."""
 
     name: str
     key: str
     effect: str
     act: Callable[[Touch], Hand]
     ball: bool = False
+    bodies: bool = False
 
 
 def push(touch: Touch) -> Hand:
@@ -121,9 +122,19 @@ TOOLS = (
     Tool("swirl", "t", "tool: hold to turn the water round the cursor", swirl),
     Tool("rain", "u", "tool: hold to let it rain at the cursor", rain),
     Tool("ball", "b", "tool: click to throw a ball of water", ball),
-    Tool("wave", "e", "tool: drag an end wall to and fro (the first time takes long)", pistons.use),
     Tool(
-        "float", "y", "tool: click to throw in a body (the first takes long), drag it", floats.use
+        "wave",
+        "e",
+        "tool: drag an end wall to and fro (the first time takes long)",
+        pistons.use,
+        bodies=True,
+    ),
+    Tool(
+        "float",
+        "y",
+        "tool: click to throw in a body (the first takes long), drag it",
+        floats.use,
+        bodies=True,
     ),
     Tool("tap", "z", "tool: hold to pour water above the cursor", taps.tap),
     # Shares its key: GGUI reports letters but no digits, and all letters have an action.

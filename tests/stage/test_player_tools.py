@@ -12,6 +12,7 @@ from msph.fluid.boundary.rigid_bodies import Ball
 from msph.fluid.external_forces import as_vector
 from msph.fluid.moving_box import MovingBox
 from msph.fluid.simulation import FullError
+from msph.launches import watch_compiling
 from msph.scene import load_scene
 from msph.stage.controls import Controls, ToolUse
 from msph.stage.pacer import Pacer
@@ -92,6 +93,27 @@ def test_a_press_that_waits_for_the_simulation_keeps_its_tool(player, show, monk
     assert player.controls(player.row).use is None and player.steering.tool.name == "ball"
     monkeypatch.setattr(Row, "busy", False)
     assert player.controls(player.row).use.tool == "push"
+
+
+def test_kernels_for_bodies_compile_once_a_tool_that_adds_them_is_chosen(player, show):
+    """Regression: the window stood still for 13 s when the first body was thrown."""
+    press(player, show, "y")
+    frames(player, show, 40)
+    assert not show.later
+    show.display.shown = show.display.picture.view = None  # the image without water is drawn anew
+    show.display.draw()
+    before = show.display.picture.to_numpy_u8()
+    kernels: list[str] = []
+    with watch_compiling(kernels.append):
+        show.display.draw_as_with_bodies()
+        show.display.draw()
+        assert np.array_equal(show.display.picture.to_numpy_u8(), before)
+        show.simulation.add_body(Ball(np.array((0.2, 0.33, 0.2)), 0.05, mass=0.1), DOWN)
+        show.take()
+        show.display.draw()
+    assert show.display.shown_bodies == 1
+    drawn = "Band", "Surface", "Rounding", "Body", "Shadows", "Backdrop", "Block", "Droplets"
+    assert not [name for name in kernels if name.startswith(drawn) and "Links" not in name]
 
 
 @pytest.mark.parametrize("tool", TOOLS, ids=lambda tool: tool.name)

@@ -85,7 +85,7 @@ class Boundary(BodyShapes):
         self._start = np.array([[centre(b)] * 2 for b in self.bodies])
         self._half = np.array(
             [[b.radius] * 3 if isinstance(b, Ball) else half_extents(b) for b in self.bodies]
-        )
+        ).reshape(-1, 3)
         self._round = np.array([isinstance(b, Ball) for b in self.bodies], bool)
         self._corners = {k: _corners(b) for k, b in enumerate(self.bodies) if isinstance(b, Solid)}
         # Depth [m] of the thinnest body: from its middle to the water.
@@ -248,7 +248,7 @@ class Boundary(BodyShapes):
     def corners_at_end(self) -> np.ndarray:
         """Returns the corners [m] of the bodies' bounding boxes, which turn with them, at the end
         of the step, (bodies, 8, 3)."""
-        centres, turns = self._at_end
+        centres, turns = self.poses_at_end()
         corners = self._half[:, None, :] * CORNERS
         return centres[:, None, :] + corners @ turns.transpose(0, 2, 1)
 
