@@ -167,6 +167,8 @@ class Row:
         lead = self.lead
         if self.remote:
             self.remote.give(controls)
+        for show in self.shows[1:]:  # one kernel per frame, not one of each show
+            lead.later, show.later = lead.later + show.later, []
         lead.frame(controls)
         # If the lead's frame was undone for a stopped body, all shows wait.
         waits = lead.simulated == 0.0
