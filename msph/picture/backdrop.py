@@ -69,13 +69,9 @@ class Backdrop:
         self.changed = ti.field(ti.i32, fields.background.shape)
         self.state, self.rough = fields.samples.state, fields.rough
         self.whole = self.complete = False
+        self.occupied = False  # True if images show bodies
         self.moved = MovedBodies(faces.boundary, fields.room)
         self.sampler = BlockSampler(self, fields.samples)
-
-    @property
-    def occupied(self):
-        """True if there are bodies, or images are drawn as if there were."""
-        return self.traits.bodies
 
     def take(self, changed):
         """Finds what changed since the last image, and draws the visible faces and shadows of

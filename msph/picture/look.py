@@ -48,8 +48,8 @@ class Look(Section):
     )
     ripples: bool = parameter(
         True,
-        text="small ripples where a hand or drops disturb the surface, and waves on water in air; "
-        "in the image only",
+        text="small ripples where a hand or drops disturb the surface, waves and bubbles on water "
+        "in the air; in the image only",
     )
     drying: float = parameter(
         8.0, ge=0.0, le=600.0, unit="s", text="time in which wet walls and bodies dry, 0: never wet"

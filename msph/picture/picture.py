@@ -113,7 +113,7 @@ class Picture:
     def take_bodies(self, occupied):
         """Prepares images of the boundary's present bodies, by kernels for bodies if `occupied`;
         wet places stay wet."""
-        self.traits.bodies = occupied
+        self.traits.bodies = self.backdrop.occupied = occupied
         if occupied:
             self.bodies.load(self.box)
             self.faces.load()
@@ -142,7 +142,7 @@ class Picture:
     def advance(self, dt, hand):
         """Advances wetness and ripples by dt [s] of simulated time; hand: the user's Hand."""
         self.drying += dt
-        if self.look.ripples and self.ripples and self.view:
+        if self.look.ripples and self.ripples and self.lens.numbers:
             self.ripples.advance(dt, hand, max(self.box))
 
     def dry(self):

@@ -43,6 +43,8 @@ class Display:
         self.views: Any = None
         self.whitewater: Any = None
         self.shown: Any = None  # the moment of the last image of water
+        # True if a drawing ended within the mesh, and if kernels for bodies are compiled.
+        self.unfinished, self.prepared = False, False
         self.load(size)
 
     def load(self, size: tuple[int, int] | None) -> None:
@@ -142,16 +144,22 @@ class Display:
     def draw_as_with_bodies(self) -> None:
         """Draws water without bodies by the kernels for bodies, which a tool may add; the next
         image is drawn over it."""
-        if self.state.boundary.count:
+        if self.prepared or self.state.boundary.count:
             return
+        views, self.views = self.views, Views(self.state, self.scene)
+        self.views.name = "water"
+        spray = self.surface.thin.spray
+        kept = spray.frame, spray.elapsed
         try:
             self.surface.has_bodies = True
             self.picture.take_bodies(True)
             self.draw()
+            self.prepared = True
         finally:
             self.surface.has_bodies = False
             self.picture.take_bodies(False)
-            self.shown = None
+            self.views, self.shown, self.unfinished = views, None, True
+            spray.frame, spray.elapsed = kept
 
     def reset(self) -> None:
         """Removes spray, whitewater, ripples and wetness; the camera stays."""
@@ -182,9 +190,10 @@ class Display:
             if self.picture.repeat(self.view, self.state.now.tilt):
                 return
         self.shown = moment
-        if self.surface and new and (water or self.meshes):
+        if self.surface and (new or self.unfinished) and (water or self.meshes):
             with self.stage("surface"), self.state.at_frame():
                 self.surface.extract(for_image=self.sprayed)
+                self.unfinished = False
         if self.picture:
             self._render()
 

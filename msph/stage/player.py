@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from msph.fluid.methods import METHODS
 from msph.measure.resolution import mean_depth
 from msph.picture.camera import Camera
 from msph.stage.autosave import LostSession, forget
@@ -200,8 +201,8 @@ class Player(Audience):
         self.steering.tool = tool
         self.steering.contact.let_go()
         self.layout.show_message(tool.effect)
-        if tool.bodies:
-            for show in self.row.shows:
+        for show in self.row.shows if tool.bodies else []:
+            if METHODS[show.scene.method].HAS_BODIES:
                 show.later.append(show.display.draw_as_with_bodies)
 
     def _jolt(self) -> None:

@@ -2,7 +2,7 @@
 
 The simulation resolves no less than its particles: a lump of a few would be smooth like glass. Each
 particle j carries a wave that moves with it. With e = x - x_j, t_j = e.k_j/(WAVELENGTH d_j) + PHASE
-id_j, and weights w_j = (1 - e^2/(REACH d_j)^2)^2 within reach, the relief at x has
+(id_j mod PATTERNS), and weights w_j = (1 - e^2/(REACH d_j)^2)^2 within reach, the relief at x has
 
     height  sum_j w_j s(t_j) / sqrt(LEAST_WEIGHT2 + sum_j w_j^2),  s(t) = sin 2 pi t + sin(4 pi t)/2
 
@@ -70,7 +70,8 @@ class Relief:
                 number, v, w = self.particles.id[j], self.particles.v[j], u * u
                 k = self.vectors.place[number % PATTERNS, number // PATTERNS % DROPLETS]
                 k -= STREAKS * k.dot(v) / (v.norm_sqr() + SLOW * SLOW) * v
-                t = found.number * k.dot(e) + PHASE * number
+                # Large numbers would leave no digits for the place.
+                t = found.number * k.dot(e) + PHASE * (number % PATTERNS)
                 t -= ti.round(t)
                 c = 1.0 - 4.0 * abs(t)
                 sine, cosine = 8.0 * t * (1.0 - 2.0 * abs(t)), c * (1.5 - 0.5 * c * c)

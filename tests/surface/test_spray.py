@@ -65,6 +65,20 @@ def test_lone_particles_become_droplets_of_their_volume(water, surface):
     assert water.mesh().volume() == pytest.approx(len(x) * VOLUME, rel=1e-3)
 
 
+def test_a_frame_that_begins_again_keeps_its_spray(water, surface):
+    """The kernels of an image are compiled in frames that begin again."""
+    water.fill([(0.1, 0.2, 0.1), (0.3, 0.4, 0.2)])
+    for _ in range(3):
+        surface.advance(SPREADING)
+        water.mesh(for_image=True)
+    before, spray = droplets(water), surface.thin.spray
+    kept = spray.frame, spray.elapsed
+    water.mesh(for_image=True)
+    spray.frame, spray.elapsed = kept
+    water.mesh(for_image=True)
+    assert np.abs(droplets(water) - before).max() < 1e-6
+
+
 def test_still_water_has_no_spray(water, surface):
     water.fill(packed((0, 0, 0), (SIZE[0], 0.3, SIZE[2]), FINE, 0.05))
     exact = water.mesh().volume()

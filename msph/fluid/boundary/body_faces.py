@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 SUBDIVISIONS = 3
 # Rings of a ball's triangles from pole to pole: outlines are within 0.3 % of the radius.
 RINGS = 16
-# Edge of the cells in which samples are merged, over the longest edge of triangles (-). At 1, mesh
-# balls of 4 spacings radius, a spacing above the floor, lose 2 % of their buoyancy, at 0.5 0.7 %.
+# Edge of the cells in which samples are merged, over the longest edge of triangles (-). At 1, a
+# ball of 320 triangles and 4 spacings radius, a spacing above the floor, loses 2 % of its buoyancy.
 MERGED = 0.5
 # The six faces of the unit cube: corner, and both edges, counter-clockwise from outside.
 CUBE_FACES = [
