@@ -135,6 +135,7 @@ class Picture:
         """Dries walls and bodies, and smooths the surface."""
         self.wetness.reset()
         self.drying = EVERY  # the first image compiles the decay
+        self.begun = False  # True from the first image on
         self.view = None  # the image without water shows the wet walls
         if self.ripples:
             self.ripples.reset()
@@ -142,7 +143,7 @@ class Picture:
     def advance(self, dt, hand):
         """Advances wetness and ripples by dt [s] of simulated time; hand: the user's Hand."""
         self.drying += dt
-        if self.look.ripples and self.ripples and self.lens.numbers:
+        if self.look.ripples and self.ripples and self.begun:
             self.ripples.advance(dt, hand, max(self.box))
 
     def dry(self):
@@ -186,7 +187,7 @@ class Picture:
             surface = self.region, self.spacing
             numbers = shot_numbers(camera, tilt, self.box, w, h, self.look, *surface)
             self.lens.set(numbers, whole)
-            self.view = view
+            self.view, self.begun = view, True
         return changed
 
     def draw_water(self, camera, tilt=None, spray=True):
