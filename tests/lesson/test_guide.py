@@ -187,7 +187,7 @@ def test_an_unstable_simulation_is_restarted():
     from msph.lesson.commands import RESTARTED
 
     class Unstable:
-        size, simulated, note, resets = None, 0.0, "", 0
+        size, simulated, note, resets, later = None, 0.0, "", 0, []
 
         def frame(self, controls):
             raise BlowUpError("boiled")
