@@ -35,10 +35,11 @@ WALL_COSINE = 0.98  # smallest cosine between a cut face's normal and the wall's
 MIN_INCIDENCE = 0.03  # smallest cosine of incidence
 PLATE = 0.1  # largest thickness of water on glass that refracts as a plate, over the longest edge
 LUMP = 0.1  # thickness of water in the air from which it refracts in full, over the longest edge
-# Water in the air: thickness without relief, and that which scatters 63 % of a lump's light, over
-# the longest edge; heights of the relief between which it is white; largest share that is scattered
-# by bubbles; light scattered from sky and sun for normals across them.
+# Water in the air: thickness from which it has no relief, and thickness in which bubbles and
+# reflections fade in, both over the longest edge; heights of the relief (-) between which bubbles
+# fade in; largest share of light that bubbles scatter.
 SMOOTH, FILM, FOAMY, MILK = 0.3, 0.012, (0.2, 1.6), 0.4
+# Light that bubbles scatter from sky and sun, for normals across both.
 MILK_SKY, MILK_SUN = vec3(0.24, 0.33, 0.4), vec3(0.18, 0.21, 0.2)
 DOWNWELLING = 0.5  # share of absorption on the light's way down
 # Places along a ray under water where light is scattered, and share of sunlight (-).
@@ -127,7 +128,7 @@ class WaterShader:
         cut = cut or (not sunk and self.raster.item(i, j) == self.raster.wet[None])
         p = ti.math.clamp(p, 0.0, walls_of(shot))
         reach, thickness = depth * stretch, ti.max(back - depth, 0.0) * stretch
-        # Water in the air has rough surfaces and bubbles.
+        # Share (-) of the relief and the bubbles of water in the air.
         airy, bubbles, size = 0.0, 0.0, shot.size.max()
         if not (cut or sunk) and thickness < SMOOTH * size:
             if not self.backdrop.covers(i, j, back):
@@ -136,10 +137,7 @@ class WaterShader:
             if not cut and not straight:
                 n = self.ripples.bend(p, n, shot)
             if airy > 0.0 and shot.ripples == 1:
-                relief = self.ripples.thin.relief.at(p)
-                n -= airy * (relief.xyz - n * n.dot(relief.xyz))
-                n = (n - d * ti.max(n.dot(d) + MIN_INCIDENCE, 0.0)).normalized()
-                bubbles = airy * ti.math.smoothstep(FOAMY[0], FOAMY[1], relief.w)
+                n, bubbles = self.roughen(p, n, d, airy)
         eta = ti.select(sunk, 1.0 / shot.eta, shot.eta)
         c = ti.max(-d.dot(n), MIN_INCIDENCE)
         ct = cosine_beyond(c, eta)
@@ -154,7 +152,7 @@ class WaterShader:
         share, milk, white = reflectance(c, ct, eta), 0.0, vec3(0.0)
         if airy > 0.0:
             film = 1.0 - ti.exp(-thickness / (FILM * size))
-            # Reflections vanish at the edge of the water.
+            # Reflections vanish at the outline of the water.
             share, milk = share * film, MILK * bubbles * film
             white = MILK_SKY * (1.0 + n.dot(shot.up)) + MILK_SUN * (1.5 + n.dot(shot.sun))
         if sunk:
@@ -252,6 +250,15 @@ class WaterShader:
             b = ti.math.clamp(j + ti.select(k < 2, 0, 2 * k - 5), 0, shot.rows - 1)
             found = ti.min(found, ti.bit_cast(self.raster.back[a, b], ti.f32))
         return found
+
+    @ti.func
+    def roughen(self, p, n, d, airy):
+        """Returns the unit normal n at p [m] with the share `airy` (-) of the relief, facing the
+        eye of the unit ray d, and the share of bubbles (-)."""
+        relief = self.ripples.thin.relief.at(p)
+        bent = n - airy * (relief.xyz - n * n.dot(relief.xyz))
+        bent -= d * ti.max(bent.dot(d) + MIN_INCIDENCE, 0.0)
+        return bent.normalized(), airy * ti.math.smoothstep(FOAMY[0], FOAMY[1], relief.w)
 
     @ti.func
     def hit_surface(self, i, j, d, shot: ti.template()):

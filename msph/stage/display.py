@@ -43,12 +43,12 @@ class Display:
         self.views: Any = None
         self.whitewater: Any = None
         self.shown: Any = None  # the moment of the last image of water
-        # True if a drawing ended within the mesh, and if kernels for bodies are compiled.
-        self.unfinished, self.prepared = False, False
         self.load(size)
 
     def load(self, size: tuple[int, int] | None) -> None:
         """Loads the parts for images of `size` (width, height) [pixels], None for no images."""
+        self.unfinished = False  # True if the mesh is incomplete, since a drawing ended early
+        self.prepared = False  # True if the kernels for bodies are compiled
         self.surface = self._load_surface() if size or self.meshes else None
         self.picture = self._load_picture(size) if size else None
         self.views = Views(self.state, self.scene) if size else None
@@ -142,8 +142,8 @@ class Display:
             self.views, self.state.wanted = views, wanted
 
     def draw_as_with_bodies(self) -> None:
-        """Draws water without bodies by the kernels for bodies, which a tool may add; the next
-        image is drawn over it."""
+        """Compiles the kernels for bodies, which a tool may add, by drawing water without bodies
+        with these kernels; the next image is drawn over this one."""
         if self.prepared or self.state.boundary.count:
             return
         views, self.views = self.views, Views(self.state, self.scene)

@@ -201,8 +201,8 @@ class Player(Audience):
         self.steering.tool = tool
         self.steering.contact.let_go()
         self.layout.show_message(tool.effect)
-        for show in self.row.shows if tool.bodies else []:
-            if METHODS[show.scene.method].HAS_BODIES:
+        for show in self.row.shows:
+            if tool.bodies and METHODS[show.scene.method].HAS_BODIES:
                 show.later.append(show.display.draw_as_with_bodies)
 
     def _jolt(self) -> None:

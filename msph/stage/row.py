@@ -167,7 +167,8 @@ class Row:
         lead = self.lead
         if self.remote:
             self.remote.give(controls)
-        for show in self.shows[1:]:  # one kernel per frame, not one of each show
+        # A frame compiles one kernel, not one for each show.
+        for show in self.shows[1:]:
             lead.later, show.later = lead.later + show.later, []
         lead.frame(controls)
         # If the lead's frame was undone for a stopped body, all shows wait.

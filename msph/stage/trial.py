@@ -24,8 +24,8 @@ from msph.stage.remote import Remote
 # Wall-clock time of a trial [s], number of frames before it (compilation), and image size without a
 # window [pixels].
 SECONDS, UNTIMED, SIZE = 0.5, 3, (960, 540)
-# Tilt of the pool meanwhile [rad]: water that moves takes up to a third more time than at rest, and
-# some scenes move late (`rolled`) or only by the user.
+# Tilt of the pool during a trial [rad]: moving water takes up to a third more time than water at
+# rest, and the water of some scenes moves late (`rolled`) or only if the user moves it.
 TILT = (0.2, 0.0)
 
 

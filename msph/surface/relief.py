@@ -1,15 +1,16 @@
 """Relief: waves smaller than the particles on water in the air, which bend the normals of images.
 
-The simulation resolves no less than its particles: a lump of a few would be smooth like glass. Each
-particle j carries a wave that moves with it. With e = x - x_j, t_j = e.k_j/(WAVELENGTH d_j) + PHASE
-(id_j mod PATTERNS), and weights w_j = (1 - e^2/(REACH d_j)^2)^2 within reach, the relief at x has
+The simulation resolves nothing smaller than its particles, so a lump of a few particles would be
+smooth like glass. Each particle j carries a wave that moves with the particle. With e = x - x_j,
+t_j = e.k_j/(WAVELENGTH d_j) + PHASE (id_j mod PATTERNS), and weights
+w_j = (1 - e^2/(REACH d_j)^2)^2 within reach, the relief at x has
 
     height  sum_j w_j s(t_j) / sqrt(LEAST_WEIGHT2 + sum_j w_j^2),  s(t) = sin 2 pi t + sin(4 pi t)/2
 
 and the slope STEEP times the same sum with k_j (cos 2 pi t + cos 4 pi t): noise of sparse waves
 (Lagae et al. 2009) whose places are the particles. k_j is a fixed vector in the unit ball,
-shortened along the velocity, so that waves are streaks. Sine and cosine are polynomials: the sums
-are made per pixel, but only where water in the air is seen.
+shortened along the velocity, so that waves are streaks. Sine and cosine are polynomials, since the
+sums are computed per pixel, but only for water in the air.
 """
 
 import taichi as ti
@@ -19,7 +20,7 @@ from msph.surface.spray import DROPLETS, PATTERNS, Spray
 
 vec3, vec4 = ti.math.vec3, ti.math.vec4
 
-# Reach of a wave and shortest wavelength, in spacings.
+# Reach of a wave, and wavelength for |k_j| = 1 without the harmonic, in spacings.
 REACH, WAVELENGTH = 1.3, 0.5
 # Slope of one wave (-), share of k_j along a velocity far above SLOW [m/s] that is removed, and
 # difference of phase between ids (the golden ratio: no two near ids have near phases).
@@ -30,8 +31,8 @@ LEAST_WEIGHT2 = 0.05
 
 @ti.dataclass
 class Waves:
-    """Sums over the particles of a layer near x [m]: waves per spacing of k = 1 [1/m], and of the
-    waves the slope, height and squared weights (-)."""
+    """Sums over the particles of a layer near x [m]: slope, height and squared weights (-) of their
+    waves. per_reach2: 1/reach^2 [1/m^2]; number: waves per length for |k_j| = 1 [1/m]."""
 
     x: vec3
     per_reach2: ti.f32
@@ -43,7 +44,7 @@ class Waves:
 
 @data_oriented
 class Relief:
-    """Waves of the particles."""
+    """Relief of the water of a surface; particles and grid must be those of the last mesh."""
 
     def __init__(self, layers, grid, particles, numbers, spray: Spray):
         self.layers, self.grid, self.particles, self.numbers = layers, grid, particles, numbers
@@ -70,7 +71,7 @@ class Relief:
                 number, v, w = self.particles.id[j], self.particles.v[j], u * u
                 k = self.vectors.place[number % PATTERNS, number // PATTERNS % DROPLETS]
                 k -= STREAKS * k.dot(v) / (v.norm_sqr() + SLOW * SLOW) * v
-                # Large numbers would leave no digits for the place.
+                # Large ids would leave no digits for the position.
                 t = found.number * k.dot(e) + PHASE * (number % PATTERNS)
                 t -= ti.round(t)
                 c = 1.0 - 4.0 * abs(t)

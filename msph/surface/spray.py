@@ -116,7 +116,7 @@ class Spray:
         at, v = self.particles.id[i] % SLOTS, self.particles.v[i]
         t = ti.math.clamp((looseness - LOOSE[0]) / (LOOSE[1] - LOOSE[0]), 0.0, 1.0)
         share, age = t * t * (3.0 - 2.0 * t), 0.0
-        # A frame may begin again (Display.draw_as_with_bodies).
+        # Display.draw_as_with_bodies() repeats the number of a frame.
         known = self.state.id[at] == self.particles.id[i] and self.state.frame[at] >= frame - 1
         if known and frame > 1:
             before, most = self.state.share[at], dt / FADE

@@ -116,6 +116,25 @@ def test_kernels_for_bodies_compile_once_a_tool_that_adds_them_is_chosen(player,
     assert not [name for name in kernels if name.startswith(drawn) and "Links" not in name]
 
 
+def test_an_interrupted_drawing_leaves_spray_and_mesh_complete(player, show, monkeypatch):
+    """A drawing for kernels ends at the first kernel that must be compiled; the next image, also of
+    the same water, has a complete mesh, and its spray continues."""
+    frames(player, show)
+    display, spray = show.display, show.display.surface.thin.spray
+    rounding, before = display.surface.rounding, spray.frame
+    display.prepared = False
+    with monkeypatch.context() as patch:
+        patch.setattr(rounding, "round", lambda bodies: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            display.draw_as_with_bodies()
+    assert spray.frame == before and not display.surface.has_bodies and not display.prepared
+    rounded = []
+    monkeypatch.setattr(rounding, "round", rounded.append)
+    for _ in range(2):
+        display.draw(new=False)
+    assert rounded == [False]
+
+
 @pytest.mark.parametrize("tool", TOOLS, ids=lambda tool: tool.name)
 def test_each_tool_moves_or_adds_water_while_the_button_is_down(player, show, tool):
     player.steering.tool = TOOLS[TOOLS.index(tool) - 1]

@@ -3,6 +3,7 @@
 import itertools
 import math
 import time
+from functools import partial
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from msph.stage.headless import Headless, HeadlessPlayer
 from msph.stage.loop import run
 from msph.stage.row import Row
 from msph.stage.show import INTERACTIVE, Show
+from msph.stage.shown_scene import ShownScene
 from msph.stage.views import display_unit
 from tests.scenes_kit import TEXT, write
 
@@ -81,6 +83,26 @@ def test_kernels_compiled_in_later_frames_change_nothing(tmp_path):
     show.close()
     for one, other in zip(*seen, strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+def test_a_frame_of_a_row_compiles_one_kernel_for_all_shows():
+    """Regression: each of three simulations compiled a kernel in the same frame."""
+    compiled: list[str] = []
+
+    class Waiting:
+        size, simulated, compile_later = None, 0.0, ShownScene.compile_later
+
+        def __init__(self, name):
+            self.later = [partial(compiled.append, name)]
+
+        def frame(self, controls):
+            self.compile_later()
+
+    row = Row([Waiting("first"), Waiting("second"), Waiting("third")])
+    for number in (1, 2, 3, 3):
+        row.frame(Controls())
+        assert len(compiled) == number
+    assert compiled == ["first", "second", "third"]
 
 
 def test_headless_runs_the_requested_number_of_frames(show):

@@ -101,9 +101,9 @@ def samples(body: Body, edge: float, most: int) -> tuple[np.ndarray, np.ndarray]
 def _merged(
     points: np.ndarray, areas: np.ndarray, edge: float, most: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Merges samples whose normals are nearest to the same of the six directions in each cell of
-    `edge` [m], or of larger ones if there are more than `most`: at the mean place, with the sum of
-    the area vectors. Meshes may have triangles of any size."""
+    """Merges the samples in each cubic cell of `edge` [m] that face the same of the six directions
+    of the axes: at their mean position, with the sum of their area vectors. The cells are enlarged
+    until there are at most `most` samples, of which at least 48 must be allowed."""
     axis, size = np.abs(areas).argmax(axis=1), np.linalg.norm(areas, axis=1)
     ahead = areas[np.arange(len(areas)), axis] > 0.0
     cells = np.column_stack([np.floor(points / edge), axis, ahead])
