@@ -55,6 +55,7 @@ class Player(Audience):
         layout.begin(choice.quality_now)
         self.menu = Menu(row, choice, layout, self.pacer, arguments)
         self.steering = Steering(window, row)
+        row.between = self._answer_input
         self.saver = Saver(layout, self.clip, Path(choice.scene).stem, choice.quality_now)
         plan = lead.state.plan
         depth = mean_depth(lead.scene.gravity, plan, plan.initial["x"].mean(axis=0)[None])
@@ -81,9 +82,7 @@ class Player(Audience):
 
     def wants_more(self, row: Row) -> bool:
         # Input that arrived while the last image was presented is answered before the next one.
-        if self._read_input():
-            row.draw()
-            self._present(row)
+        self._answer_input()
         row.receive()
         return self.window.open and not (self.done or self.menu.settled)
 
@@ -104,6 +103,12 @@ class Player(Audience):
         self.single_step = self.single_step and row.busy
         self.pressed, steering.moved = [], np.zeros(2)
         return controls
+
+    def _answer_input(self) -> None:
+        """Acts on new input, and shows what it changed on pages over the last image."""
+        if self._read_input():
+            self.row.restore()
+            self._present(self.row)
 
     def _read_input(self) -> bool:
         """Acts on keys pressed since the last call, and on the mouse over pages; returns True if a

@@ -48,11 +48,13 @@ class Row:
     speed and error; "" for no label. size (width, height) [pixels] of the common image, with
     `below` free pixels at the lower edge and above them `strip` pixels for the labels, 0 for labels
     over the images; None for a single show's image, or no image. remote: the other process in which
-    the simulations run, None for this one. restart: message where an unstable
+    the simulations run, None for this one. between: called between the images of such simulations,
+    since three take 0.1 s. restart: message where an unstable
     simulation begins again, and with it all others; "" where it raises BlowUpError.
     """
 
     remote: Any = None
+    between: Callable[[], Any] | None = None
 
     def __init__(
         self,
@@ -175,6 +177,8 @@ class Row:
         waits = lead.simulated == 0.0
         same = replace(controls, frame_time=lead.simulated or None, until=None, still=waits)
         for show, home in zip(self.shows[1:], self.homes[1:], strict=True):
+            if self.remote and self.between:
+                self.between()
             if lead.size:
                 self._match_view(show, home)
             show.frame(replace(same, budget=None))
@@ -261,6 +265,13 @@ class Row:
         for show in self.shows:
             show.draw()
         self.draw_together()
+
+    def restore(self) -> None:
+        """Removes pages from the last image."""
+        if self.common:
+            self.draw_together()
+        else:
+            self.draw()
 
     @property
     def scale(self) -> float:

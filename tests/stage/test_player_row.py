@@ -1,6 +1,7 @@
 """Tests of a player with simulations side by side."""
 
 import math
+from types import SimpleNamespace
 
 import imageio.v2 as imageio
 import numpy as np
@@ -156,6 +157,36 @@ def test_resetting_a_setting_restores_the_value_of_each_scene(row, player):
     assert math.hypot(*second.scene.gravity) == pytest.approx(3.0)
     assert math.hypot(*row.lead.scene.gravity) == pytest.approx(9.81)
     row.set("gravity", 9.81)
+
+
+def test_input_is_answered_between_the_images_of_simulations_elsewhere(row, player):
+    """Regression: keys waited until all simulations of another process were drawn, 0.1 s."""
+    frames(player, row)
+    row.remote = SimpleNamespace(give=lambda controls: None, busy=False, running=False)
+    drawn, screen, second = [], player.window, row.shows[1]
+    show = screen.show
+
+    def shown(image):
+        drawn.append((player.paused, second.frames))
+        show(image)
+
+    screen.show = shown
+    controls = player.controls(row)
+    screen.pressed = [" "]
+    before = second.frames
+    row.frame(controls)
+    assert drawn == [(True, before)] and second.frames == before + 1
+
+
+def test_pages_are_removed_from_the_last_image_without_drawing_the_simulations(row):
+    row.frame(Controls(frame_time=FRAME))
+    without, drawn = row.image.to_numpy(), [show.frames for show in row.shows]
+    row.image.field.fill(0.5)
+    row.restore()
+    assert [show.frames for show in row.shows] == drawn
+    # Labels hold times, which change.
+    low = slice(BELOW, BELOW + HEIGHT // 2)
+    assert np.array_equal(row.image.to_numpy()[:, low], without[:, low])
 
 
 def test_checkpoints_require_a_single_simulation(row, player, tmp_path):
