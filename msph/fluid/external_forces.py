@@ -149,16 +149,11 @@ def as_vector(values: np.ndarray) -> Vec3:
 
 def rotation_vector(rotation: np.ndarray) -> np.ndarray:
     """Returns axis times angle [rad] of a rotation matrix with an angle below pi."""
-    axis = 0.5 * np.array(
-        [
-            rotation[2, 1] - rotation[1, 2],
-            rotation[0, 2] - rotation[2, 0],
-            rotation[1, 0] - rotation[0, 1],
-        ]
-    )
-    sine = float(np.linalg.norm(axis))
-    angle = math.atan2(sine, 0.5 * (float(np.trace(rotation)) - 1.0))
-    return axis * (angle / sine) if sine > 0.0 else axis
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation.tolist()
+    axis = 0.5 * (zy - yz), 0.5 * (xz - zx), 0.5 * (yx - xy)
+    sine = math.hypot(*axis)
+    angle = math.atan2(sine, 0.5 * (xx + yy + zz - 1.0))
+    return np.array(axis) * (angle / sine if sine > 0.0 else 1.0)
 
 
 # Gravity alone, without a hand.
