@@ -173,7 +173,7 @@ class FloatingBodies:
     ) -> None:
         """Adds half of the work [J] of inertial forces in a step of dt [s], at its beginning (sign
         -1) or end (sign 1), as InertiaWork does."""
-        if not self.count:
+        if not (self.count and external.moving):
             return
         r, turn = self.x - box_centre, np.array(external.angular_velocity)
         rise, world = np.array(external.angular_acceleration), self._inertia_in_box()
