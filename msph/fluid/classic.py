@@ -21,10 +21,10 @@ from msph.fluid.external_forces import (
     hand_acceleration,
     turning,
 )
+from msph.fluid.part import Part, Parts
 from msph.fluid.particles import kernels
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.particles import Attribute
-from msph.fluid.parts import Parts
 from msph.fluid.stages import Stage, no_stage
 from msph.launches import data_oriented, kernel
 
@@ -39,7 +39,7 @@ ATTRIBUTES = (
 
 
 @data_oriented
-class Classic:
+class Classic(Part):
     """Solver of the classic method; with a single layer it is the SPH of Mueller et al. (2003).
 
     The class attributes are explained in docs/extending.md, "A solver".
@@ -67,9 +67,7 @@ class Classic:
         return ATTRIBUTES
 
     def __init__(self, parts: Parts):
-        self.constants, self.layers, self.grid = parts.constants, parts.layers, parts.grid
-        self.particles, self.neighbours = parts.particles, parts.neighbours
-        self.impulses, self.walls = parts.impulses, parts.contact.walls
+        super().__init__(parts)
         self.farthest = ti.field(ti.f32, shape=())  # longest motion of a particle in a step [m]
         self.iterations = 0  # explicit: no system is solved
 

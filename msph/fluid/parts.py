@@ -1,7 +1,6 @@
 """Components of the fluid that all methods share."""
 
-from dataclasses import dataclass
-
+from msph.fluid.boundary.apertures import Apertures
 from msph.fluid.boundary.beach import Beaches
 from msph.fluid.boundary.body_links import BodyLinks
 from msph.fluid.boundary.boundary import Boundary
@@ -10,35 +9,35 @@ from msph.fluid.boundary.contact import Contact
 from msph.fluid.boundary.gap_pressure import GapPressure
 from msph.fluid.boundary.openings import Openings
 from msph.fluid.boundary.rim import Rim
+from msph.fluid.boundary.walls import Walls
 from msph.fluid.constants import Constants
 from msph.fluid.impulse_ledger import ImpulseLedger
 from msph.fluid.particles.grid import LayeredGrid
 from msph.fluid.particles.images import Images
 from msph.fluid.particles.layers import Layers
+from msph.fluid.particles.mirrors import Mirrors
 from msph.fluid.particles.neighbour_list import NeighbourList
-from msph.fluid.particles.particles import Particles
+from msph.fluid.particles.particles import Attribute, Particles
 from msph.fluid.particles.removal import Removal
 from msph.fluid.room import Room
 
 
-@dataclass(frozen=True, eq=False)
 class Parts:
-    """Fields of one capacity, and the objects whose kernels maintain them."""
+    """Fields of one capacity, and the objects whose kernels maintain them. Each part has those
+    before it as attributes of the same names."""
 
-    room: Room
-    constants: Constants
-    layers: Layers
-    particles: Particles
-    removal: Removal
-    grid: LayeredGrid
-    neighbours: NeighbourList
-    boundary: Boundary
-    links: BodyLinks
-    images: Images
-    contact: Contact
-    collisions: Collisions
-    gaps: GapPressure
-    openings: Openings
-    rim: Rim
-    beaches: Beaches
-    impulses: ImpulseLedger
+    def __init__(self, room: Room, attributes: tuple[Attribute, ...]):
+        self.room, self.constants, self.layers = room, Constants(), Layers()
+        self.apertures, self.mirror = Apertures(self.constants), Mirrors(self.constants)
+        self.walls = Walls(self.constants)
+        self.particles = Particles(room.particles, attributes)
+        self.grid = LayeredGrid(room, self.constants, self.layers, self.particles)
+        self.boundary = Boundary(room, self.constants, self.layers)
+        self.impulses = ImpulseLedger()
+        self.removal, self.contact = Removal(self), Contact(self)
+        self.neighbours = NeighbourList(room, self.grid)
+        self.links = BodyLinks(self)
+        self.images = Images(self)
+        self.collisions, self.gaps = Collisions(self), GapPressure(self)
+        self.openings, self.rim = Openings(self), Rim(self)
+        self.beaches = Beaches(self)

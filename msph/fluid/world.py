@@ -10,25 +10,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from msph.fluid.boundary.beach import Beaches
-from msph.fluid.boundary.body_links import BodyLinks
-from msph.fluid.boundary.boundary import Boundary
-from msph.fluid.boundary.collisions import Collisions
-from msph.fluid.boundary.contact import Contact
-from msph.fluid.boundary.gap_pressure import GapPressure
 from msph.fluid.boundary.opening import Opening
-from msph.fluid.boundary.openings import Openings
-from msph.fluid.boundary.rim import Rim
 from msph.fluid.boundary.walls import wall_constants
-from msph.fluid.constants import Constants
-from msph.fluid.impulse_ledger import ImpulseLedger
 from msph.fluid.methods import all_attributes
-from msph.fluid.particles.grid import LayeredGrid
-from msph.fluid.particles.images import Images
-from msph.fluid.particles.layers import Layers
-from msph.fluid.particles.neighbour_list import NeighbourList
-from msph.fluid.particles.particles import Particles
-from msph.fluid.particles.removal import Removal
 from msph.fluid.parts import Parts
 from msph.fluid.plan import Plan
 from msph.fluid.room import Room, room_for
@@ -74,7 +58,7 @@ class World(Builder):
             )
         self.traits = Traits()
         with use_traits(self.traits):
-            self.parts = _parts(room)
+            self.parts = Parts(room, all_attributes())
         self._built = {}
 
     def load(self, plan: Plan) -> Any:
@@ -116,37 +100,6 @@ class World(Builder):
             parts.boundary.nearest_moving(np.zeros(3))
             for name in ("x", "density", "layer"):
                 parts.particles.numpy(name)
-
-
-def _parts(room: Room) -> Parts:
-    """Returns the components of a world."""
-    constants, layers = Constants(), Layers()
-    particles = Particles(room.particles, all_attributes())
-    grid = LayeredGrid(room, constants, layers, particles)
-    boundary, impulses = Boundary(room, constants, layers), ImpulseLedger()
-    removal, contact = Removal(room, particles), Contact(boundary, particles, impulses)
-    neighbours = NeighbourList(room, grid)
-    links = BodyLinks(room, boundary, particles, impulses)
-    images = Images(room, links, neighbours)
-    return Parts(
-        room=room,
-        constants=constants,
-        layers=layers,
-        particles=particles,
-        removal=removal,
-        grid=grid,
-        neighbours=neighbours,
-        boundary=boundary,
-        links=links,
-        images=images,
-        contact=contact,
-        collisions=Collisions(boundary),
-        gaps=GapPressure(links, contact),
-        openings=Openings(constants, layers, particles, boundary, images, impulses),
-        rim=Rim(constants, layers, particles, removal, impulses),
-        beaches=Beaches(constants, layers, particles, impulses),
-        impulses=impulses,
-    )
 
 
 def _solver(world: World, method: Any) -> Any:

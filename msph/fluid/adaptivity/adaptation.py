@@ -13,7 +13,6 @@ from msph.fluid.adaptivity.surface_distance import SurfaceDistance
 from msph.fluid.particles import kernels
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.discretisation import Discretisation
-from msph.fluid.room import Room
 from msph.fluid.small_numbers import MIN_DIVISOR
 from msph.launches import data_oriented, kernel
 
@@ -48,7 +47,7 @@ DIRECTIONS = (
 
 
 @data_oriented
-class Adaptation:
+class Adaptation(Discretisation):
     """Splits and merges the particles of one fluid.
 
     totals: numbers of splits and merges since the initial arrangement. steps: number of steps.
@@ -60,17 +59,14 @@ class Adaptation:
 
     parameters: AdaptationParameters
 
-    def __init__(self, room: Room, shared: Discretisation):
-        self.constants, self.contact, self.layers = shared.constants, shared.contact, shared.layers
-        self.particles, self.neighbours = shared.particles, shared.neighbours
+    def __init__(self, shared: Discretisation):
+        super().__init__(shared)
         self.inherited, self.merge_loss = shared.particles.inherited, shared.impulses.merge_loss
-        self.boundary = shared.boundary
-        self.depth = SurfaceDistance(room, shared)
+        self.depth = SurfaceDistance(shared)
         self.coarser, self.finer = shared.layers.coarser, shared.layers.finer
         unit = np.array(DIRECTIONS) / np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
         self.directions = ti.Vector.field(3, ti.f32, shape=len(DIRECTIONS))
         self.directions.from_numpy(unit.astype(np.float32))
-        self.removal = shared.removal
         self.tally = ti.field(ti.i32, shape=3)  # splits, merges, refused
         self.next_id = ti.field(ti.i32, shape=())
 

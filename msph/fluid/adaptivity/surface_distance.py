@@ -14,10 +14,9 @@ from typing import Any
 import taichi as ti
 
 from msph.fluid.boundary.body_shapes import BEGIN
+from msph.fluid.part import Part, Parts
 from msph.fluid.particles import kernels
 from msph.fluid.particles.layers import LayerSpec
-from msph.fluid.projection.discretisation import Discretisation
-from msph.fluid.room import Room
 from msph.launches import data_oriented, kernel
 
 # Coverage sum V_j W (-) above which a cell is water; gaps between mixed sizes stay above it.
@@ -33,16 +32,15 @@ CELL = 0.6
 
 
 @data_oriented
-class SurfaceDistance:
+class SurfaceDistance(Part):
     """Distance [m] to the free surface, accurate to about a fifth of a cell.
 
     Larger distances than depth_reach cells are not searched and read as about depth_reach cells.
     """
 
-    def __init__(self, room: Room, shared: Discretisation):
-        self.constants, self.boundary = shared.constants, shared.boundary
-        self.layers, self.particles = shared.layers, shared.particles
-        self.mirror = shared.images.mirror
+    def __init__(self, parts: Parts):
+        super().__init__(parts)
+        room = parts.room
         self.coverage = ti.field(ti.f32, shape=room.depth_cells)
         self.air = ti.field(ti.i32, shape=room.depth_cells)
         # Squared distance [cells^2] to the nearest air cell, and its index; double-buffered.

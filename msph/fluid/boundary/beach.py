@@ -5,10 +5,7 @@ from dataclasses import dataclass
 
 import taichi as ti
 
-from msph.fluid.constants import Constants
-from msph.fluid.impulse_ledger import ImpulseLedger
-from msph.fluid.particles.layers import Layers
-from msph.fluid.particles.particles import Particles
+from msph.fluid.part import Part, Parts
 from msph.launches import data_oriented, kernel
 
 # Kernel argument: numbers of the six walls, those at the origin first.
@@ -27,14 +24,11 @@ class Beach:
 
 
 @data_oriented
-class Beaches:
+class Beaches(Part):
     """The beaches of a scene. Their impulse and work count as those of walls."""
 
-    def __init__(
-        self, constants: Constants, layers: Layers, particles: Particles, impulses: ImpulseLedger
-    ):
-        self.constants, self.layers = constants, layers
-        self.particles, self.impulses = particles, impulses
+    def __init__(self, parts: Parts):
+        super().__init__(parts)
         self.load(())
 
     def load(self, beaches: Sequence[Beach]) -> None:

@@ -13,12 +13,10 @@ import taichi as ti
 
 from msph.errors import BlowUpError
 from msph.fluid.boundary.body_shapes import BEGIN, CUBIC
-from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.wall_integrals import wendland_behind, wendland_behind_slope
-from msph.fluid.impulse_ledger import ImpulseLedger
-from msph.fluid.particles.mirrors import Mirrors
-from msph.fluid.particles.particles import Attribute, Particles
-from msph.fluid.room import MAX_BODIES, Room
+from msph.fluid.part import Part, Parts
+from msph.fluid.particles.particles import Attribute
+from msph.fluid.room import MAX_BODIES
 from msph.launches import data_oriented, kernel
 from msph.taichi_internals import on_cpu
 
@@ -45,7 +43,7 @@ CONVEX = 1.6
 
 
 @data_oriented
-class BodyLinks:
+class BodyLinks(Part):
     """The links of the present positions, found by find().
 
     Tables by link: particle, body, mirrors (bits); place, the mirrored particle from the body's
@@ -56,17 +54,9 @@ class BodyLinks:
     of the last displace().
     """
 
-    def __init__(
-        self,
-        room: Room,
-        boundary: Boundary,
-        particles: Particles,
-        impulses: ImpulseLedger,
-    ):
-        self.constants, self.layers, self.boundary = boundary.constants, boundary.layers, boundary
-        self.particles, self.impulses = particles, impulses
-        self.mirror = Mirrors(boundary.constants)
-        self.capacity = LINKS_PER_PARTICLE * room.particles
+    def __init__(self, parts: Parts):
+        super().__init__(parts)
+        self.capacity = LINKS_PER_PARTICLE * parts.room.particles
         self.particle, self.body, self.mirrors = (
             ti.field(ti.i32, shape=self.capacity) for _ in range(3)
         )
@@ -134,7 +124,7 @@ class BodyLinks:
         for i in range(n):
             x, h = p.x[i], self.boundary.support[p.layer[i]]
             near = self.mirror.walls_near(x, h) & self._mirroring_walls()
-            near &= ~self.mirror.apertures.beyond(x)
+            near &= ~self.apertures.beyond(x)
             combinations = self.mirror.combinations(near)
             count = 0
             for number in range(combinations):

@@ -20,9 +20,9 @@ import taichi as ti
 
 from msph.errors import BlowUpError
 from msph.fluid.boundary.body_shapes import BALL, BEGIN
-from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Solid, centre, half_extents
 from msph.fluid.boundary.walls import NO_WALL, WALL
+from msph.fluid.part import Part, Parts
 from msph.fluid.room import MAX_BODIES
 from msph.fluid.small_numbers import MIN_DIVISOR
 from msph.launches import data_oriented, kernel, small_kernel
@@ -45,13 +45,13 @@ NUMBERS = ti.types.ndarray(dtype=ti.f32, ndim=2)
 
 
 @data_oriented
-class Collisions:
+class Collisions(Part):
     """Contacts of the present step. Tables by contact: first and second body (WALL for a wall),
     place [m], normal towards the first body, gap [m], friction (-), and the impulse so far. Motions
     (bodies, 6) are velocities [m/s] and spins [rad/s], or displacements [m] and angles [rad]."""
 
-    def __init__(self, boundary: Boundary):
-        self.boundary, self.constants = boundary, boundary.constants
+    def __init__(self, parts: Parts):
+        super().__init__(parts)
         points = MAX_BODIES * MAX_POINTS
         self.point_body = ti.field(ti.i32, shape=points)
         self.point = ti.Vector.field(3, ti.f32, shape=points)
@@ -94,7 +94,7 @@ class Collisions:
         if not floating.count:
             return
         expected = floating.expected(dt)
-        slop = SLOP * boundary.layers.finest.spacing
+        slop = SLOP * self.layers.finest.spacing
         reach = 2.0 * dt * boundary.top_speed + slop
         self.count = self._find_contacts(self.points, reach)
         if self.count > MAX_CONTACTS:

@@ -7,10 +7,9 @@ Walls and bodies stop particles. Kernels are completed by images beyond walls an
 import taichi as ti
 
 from msph.fluid.boundary.body_shapes import BEGIN, END
-from msph.fluid.boundary.boundary import Boundary
-from msph.fluid.boundary.walls import NO_WALL, Walls
-from msph.fluid.impulse_ledger import ImpulseLedger
-from msph.fluid.particles.particles import Attribute, Particles
+from msph.fluid.boundary.walls import NO_WALL
+from msph.fluid.part import Part, Parts
+from msph.fluid.particles.particles import Attribute
 from msph.fluid.room import MAX_BODIES
 from msph.launches import data_oriented, kernel
 
@@ -30,16 +29,15 @@ NEAREST, GOLDEN = 0.05, 0.6180340
 
 
 @data_oriented
-class Contact:
+class Contact(Part):
     """Stops particles at walls and bodies. touches: number of particles that meet each body.
 
     Only particles with links, which were within a kernel's reach of a body at the last search, can
     meet a body: until the next search they move by less.
     """
 
-    def __init__(self, boundary: Boundary, particles: Particles, impulses: ImpulseLedger):
-        self.constants, self.boundary, self.layers = boundary.constants, boundary, boundary.layers
-        self.particles, self.impulses, self.walls = particles, impulses, Walls(boundary.constants)
+    def __init__(self, parts: Parts):
+        super().__init__(parts)
         self.touches = ti.field(ti.i32, shape=MAX_BODIES)
 
     def load(self) -> None:
@@ -176,7 +174,7 @@ class Contact:
         found = 0
         for i in range(n):
             x = self.particles.x[i]
-            leaked = self.walls.apertures.beyond(x) != 0 and not self.walls.apertures.holds(x)
+            leaked = self.apertures.beyond(x) != 0 and not self.apertures.holds(x)
             if ti.static(bodies):
                 leaked |= self.boundary.clearance(x, END) < -self.constants.leak[None]
             found += ti.cast(leaked, ti.i32)

@@ -20,11 +20,10 @@ import numpy as np
 import taichi as ti
 
 from msph.fluid.boundary.body_faces import samples
-from msph.fluid.boundary.body_links import BodyLinks
 from msph.fluid.boundary.body_shapes import BEGIN
-from msph.fluid.boundary.contact import Contact
 from msph.fluid.boundary.walls import NO_WALL, WALL
 from msph.fluid.external_forces import FIELD_NUMBERS, NO_HAND, ExternalForces, field_at
+from msph.fluid.part import Part, Parts
 from msph.fluid.particles import kernels
 from msph.fluid.room import MAX_BODIES
 from msph.fluid.small_numbers import MIN_DIVISOR
@@ -61,7 +60,7 @@ INTEGERS = ti.types.ndarray(dtype=ti.i32, ndim=1)
 
 
 @data_oriented
-class GapPressure:
+class GapPressure(Part):
     """Samples of all bodies' faces in their frames, contiguous by body: points [m] and area vectors
     [m^2]. By body: first, its first sample; inside[first] to inside[end - 1], indices of those of
     its samples that are in gaps; lo, hi [m], bounds of these samples. By sample: weight (-), 0
@@ -70,11 +69,8 @@ class GapPressure:
     per unit of its pressure, including those of samples without such links. By link: outside (-),
     its share outside of gaps; spread, S (-)."""
 
-    def __init__(self, links: BodyLinks, contact: Contact):
-        boundary = contact.boundary
-        self.boundary, self.contact, self.links = boundary, contact, links
-        self.constants, self.layers = boundary.constants, boundary.layers
-        self.particles, self.impulses = contact.particles, contact.impulses
+    def __init__(self, parts: Parts):
+        super().__init__(parts)
         capacity = MAX_BODIES * MAX_SAMPLES
         self.owner, self.other, self.inside = (ti.field(ti.i32, shape=capacity) for _ in range(3))
         self.weight, self.share, self.pressure = (
@@ -86,8 +82,8 @@ class GapPressure:
         self.first = ti.field(ti.i32, shape=MAX_BODIES + 1)
         self.end = ti.field(ti.i32, shape=MAX_BODIES)
         self.lo, self.hi = (ti.Vector.field(3, ti.f32, shape=MAX_BODIES) for _ in range(2))
-        self.outside = ti.field(ti.f32, shape=links.capacity)
-        self.spread = ti.Vector.field(3, ti.f32, shape=links.capacity)
+        self.outside = ti.field(ti.f32, shape=self.links.capacity)
+        self.spread = ti.Vector.field(3, ti.f32, shape=self.links.capacity)
         self.recorded, self.count, self.idle = False, 0, False
 
     def record(self) -> None:

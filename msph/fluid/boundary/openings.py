@@ -23,16 +23,13 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from msph.fluid.boundary.apertures import Apertures
-from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.opening import SLACK, ZONE, Opening
 from msph.fluid.boundary.rigid_bodies import volume
 from msph.fluid.boundary.walls import NO_WALL
-from msph.fluid.constants import MAX_OPENINGS, Constants
-from msph.fluid.impulse_ledger import ImpulseLedger
-from msph.fluid.particles.images import Images
-from msph.fluid.particles.layers import Layers, LayerSpec
-from msph.fluid.particles.particles import Attribute, Particles
+from msph.fluid.constants import MAX_OPENINGS
+from msph.fluid.part import Part, Parts
+from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.particles.particles import Attribute
 from msph.launches import data_oriented, kernel
 
 vec3 = ti.math.vec3
@@ -64,31 +61,22 @@ class Inlet:
 
 
 @data_oriented
-class Openings:
+class Openings(Part):
     """The openings of a simulation, `all`. waiting: inflows for whose next sheet there is no room;
     waited [s]: time since the reset in which any inflow waited; lack: what was full when one waited
     last; space [m^3]: of a closed box and the pipes behind its walls, infinite if water can leave;
-    walls (3,) [m]: the far walls."""
+    far (3,) [m]: the far walls."""
 
-    def __init__(
-        self,
-        constants: Constants,
-        layers: Layers,
-        particles: Particles,
-        boundary: Boundary,
-        images: Images,
-        impulses: ImpulseLedger,
-    ):
-        self.constants, self.layers, self.particles = constants, layers, particles
-        self.boundary, self.images, self.impulses = boundary, images, impulses
+    def __init__(self, parts: Parts):
+        super().__init__(parts)
         self.rows: list[dict[str, Any]] = []  # of the table
-        self.table, self.apertures = constants.openings, Apertures(constants)
+        self.table = self.constants.openings
         self.all: list[Opening] = []
         self.inlets: dict[int, Inlet] = {}
         self.within: set[int] = set()  # openings that lie on no wall
         self.waiting: set[int] = set()
         self.waited, self.lack = 0.0, ""
-        self.space, self.walls = np.inf, np.zeros(3)
+        self.space, self.far = np.inf, np.zeros(3)
         self.pumps: dict[int, tuple[Opening, LayerSpec]] = {}
         self.owed = np.zeros(MAX_OPENINGS)  # particles that pumps have yet to take
         # Prescribed speeds [m/s] at the end of the step, and means over the step.
@@ -134,7 +122,7 @@ class Openings:
         # Water leaves through outflows and over the rim, whose far wall is at NO_WALL.
         leaves = len(self.inlets) < len(self.all) or (walls >= NO_WALL).any()
         closed = not leaves and self.boundary.container is None
-        self.space, self.walls = float(np.prod(walls)) + sum(pipes) if closed else np.inf, walls
+        self.space, self.far = float(np.prod(walls)) + sum(pipes) if closed else np.inf, walls
         self.speeds[:], self.means[:] = 0.0, 0.0
         self.waiting.clear()
         if not openings:
@@ -247,7 +235,7 @@ class Openings:
         if not self.boundary.bodies:
             return 0.0
         x = self.boundary.corners_at_end()
-        inside = ((x >= 0.0) & (x <= self.walls)).all(axis=(1, 2))
+        inside = ((x >= 0.0) & (x <= self.far)).all(axis=(1, 2))
         return sum(volume(b) for b, i in zip(self.boundary.bodies, inside, strict=True) if i)
 
     def state(self) -> np.ndarray:

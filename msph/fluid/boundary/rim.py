@@ -11,12 +11,8 @@ import taichi as ti
 
 from msph.device_table import DeviceTable, f32
 from msph.errors import MsphError
-from msph.fluid.boundary.walls import Walls
-from msph.fluid.constants import Constants
-from msph.fluid.impulse_ledger import ImpulseLedger
-from msph.fluid.particles.layers import MAX_LAYERS, SPHERE_RADIUS, Layers
-from msph.fluid.particles.particles import Particles
-from msph.fluid.particles.removal import Removal
+from msph.fluid.part import Part, Parts
+from msph.fluid.particles.layers import MAX_LAYERS, SPHERE_RADIUS
 from msph.launches import data_oriented, kernel
 
 vec3 = ti.math.vec3
@@ -37,23 +33,14 @@ def drop_table() -> DeviceTable:
 
 
 @data_oriented
-class Rim:
+class Rim(Part):
     """Removes particles that leave the box. mass [kg]: spilt since the start; outflow [kg]: left
     through outflows. drops (MOST_DROPS,): x [m], v [m/s], radius [m] and the remaining life [s]
     (0: no drop) of the drops that the particles become."""
 
-    def __init__(
-        self,
-        constants: Constants,
-        layers: Layers,
-        particles: Particles,
-        removal: Removal,
-        impulses: ImpulseLedger,
-    ):
-        self.constants, self.layers, self.particles = constants, layers, particles
-        self.walls, self.removal, self.impulses = Walls(constants), removal, impulses
+    def __init__(self, parts: Parts):
+        super().__init__(parts)
         self.drops = drop_table()
-        self.apertures = self.walls.apertures
         # Numbers of particles that left since the reset: spilt, and through outflows.
         self.left = ti.field(ti.i32, shape=(2, MAX_LAYERS))
         self.added = ti.field(ti.i32, shape=())  # drops since the reset

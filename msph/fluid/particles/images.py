@@ -24,18 +24,12 @@ import math
 import taichi as ti
 
 from msph.errors import BlowUpError
-from msph.fluid.boundary.body_links import BodyLinks
 from msph.fluid.boundary.body_shapes import BEGIN
+from msph.fluid.part import Part, Parts
 from msph.fluid.particles import kernels
 from msph.fluid.particles.layers import LayerSpec
-from msph.fluid.particles.mirrors import Mirrors
-from msph.fluid.particles.neighbour_list import (
-    PARTICLES_PER_THREAD,
-    NeighbourList,
-    max_mean_neighbours,
-)
+from msph.fluid.particles.neighbour_list import PARTICLES_PER_THREAD, max_mean_neighbours
 from msph.fluid.particles.particles import Attribute
-from msph.fluid.room import Room
 from msph.launches import data_oriented, heavy_kernel
 from msph.taichi_internals import on_cpu
 
@@ -65,7 +59,7 @@ BodyImage = ti.types.struct(partner=ti.i32, rest=ti.i32, r=vec3, r2=ti.f32)
 
 
 @data_oriented
-class Images:
+class Images(Part):
     """Images of particles, found by refresh().
 
     Tables by image, contiguous for a particle i, those in walls before those in bodies: index,
@@ -75,12 +69,9 @@ class Images:
     images in walls.
     """
 
-    def __init__(self, room: Room, links: BodyLinks, neighbours: NeighbourList):
-        self.links, self.boundary, self.particles = links, links.boundary, links.particles
-        self.layers, self.neighbours = links.layers, neighbours
-        self.mirror = Mirrors(neighbours.constants)
-        self.apertures = self.mirror.apertures
-        self.capacity = room.images
+    def __init__(self, parts: Parts):
+        super().__init__(parts)
+        self.capacity = parts.room.images
         self.index, self.mirrors, self.link, self.partner = (
             ti.field(ti.i32, shape=self.capacity) for _ in range(4)
         )

@@ -2,17 +2,16 @@
 
 import taichi as ti
 
-from msph.fluid.particles.particles import Particles
+from msph.fluid.part import Part, Parts
 from msph.fluid.particles.prefix_sum import PrefixSum
-from msph.fluid.room import Room
 
 
-class Removal:
+class Removal(Part):
     """Removes the particles whose attribute `alive` is 0; the others keep their order."""
 
-    def __init__(self, room: Room, particles: Particles):
-        self.particles = particles
-        self.new_index = ti.field(ti.i32, shape=room.particles + 1)
+    def __init__(self, parts: Parts):
+        super().__init__(parts)
+        self.new_index = ti.field(ti.i32, shape=parts.room.particles + 1)
         self.scan = PrefixSum()
 
     def compile(self) -> None:

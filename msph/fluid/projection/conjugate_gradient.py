@@ -19,7 +19,7 @@ from typing import Any
 
 import taichi as ti
 
-from msph.fluid.parts import Parts
+from msph.fluid.part import Part, Parts
 from msph.fluid.small_numbers import MIN_DIVISOR
 from msph.launches import data_oriented, kernel
 from msph.taichi_internals import on_cpu
@@ -36,7 +36,7 @@ MAX_ROUND_ITERATIONS = 40
 
 
 @data_oriented
-class ConjugateGradient:
+class ConjugateGradient(Part):
     """Solver for an operator with apply(n, p), which returns <p, A p>, and response(i, p), which
     then returns A p at particle i. Therefore the pass that computes A p also takes the step along
     p.
@@ -56,8 +56,8 @@ class ConjugateGradient:
         diagonal: ti.Field | None = None,
         active: ti.Field | None = None,
     ):
-        self.layers, self.particles, self.operator = parts.layers, parts.particles, operator
-        self.residual, self.direction = residual, direction
+        super().__init__(parts)
+        self.operator, self.residual, self.direction = operator, residual, direction
         self.diagonal, self.active, self.projected = diagonal, active, active is not None
         self.is_vector = isinstance(residual, ti.MatrixField)
         self.has_diagonal = diagonal is not None

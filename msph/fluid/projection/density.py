@@ -21,10 +21,10 @@ import numpy as np
 import taichi as ti
 
 from msph.fluid.boundary.wall_integrals import wendland_behind
+from msph.fluid.part import Part, Parts
 from msph.fluid.particles import kernels
 from msph.fluid.particles.layers import LayerSpec, pair_support, stress_share
 from msph.fluid.particles.particles import Attribute
-from msph.fluid.parts import Parts
 from msph.fluid.projection.mean_stress import (
     MeanStress,
     add_moment,
@@ -87,7 +87,7 @@ Sums = ti.types.struct(
 
 
 @data_oriented
-class Density:
+class Density(Part):
     """Relative density c (-), and the sums that the pressure solves need.
 
     pair_gradient (entries,) vec3 [1/m]: V_j grad W_ij of each entry of the neighbour list. With it
@@ -95,10 +95,7 @@ class Density:
     """
 
     def __init__(self, parts: Parts):
-        self.constants, self.boundary = parts.constants, parts.boundary
-        self.layers, self.particles = parts.layers, parts.particles
-        self.neighbours, self.images = parts.neighbours, parts.images
-        self.openings, self.apertures = parts.openings, parts.openings.apertures
+        super().__init__(parts)
         self.block = BLOCK if on_cpu() else 1
         self.with_stress = False  # True if shear relief is on
         self.summed_search = 0  # the neighbour search that the sums belong to

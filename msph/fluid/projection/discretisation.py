@@ -1,15 +1,16 @@
-"""Components that the forces and solves of the projection method share."""
+"""Base class of the forces and solves of the projection method."""
 
-from dataclasses import dataclass
+import taichi as ti
 
-from msph.fluid.parts import Parts
+from msph.fluid.part import Part
 from msph.fluid.projection.density import Density
 from msph.fluid.projection.pressure_operator import PressureOperator
 
 
-@dataclass(frozen=True, eq=False)
-class Discretisation(Parts):
-    """The components of every method, and the sums and operators over pairs of particles."""
+class Discretisation(Part):
+    """Object that has the parts of a fluid, and the sums and operators over pairs of particles, as
+    attributes."""
 
     density: Density
+    pair_gradient: ti.MatrixField
     operator: PressureOperator

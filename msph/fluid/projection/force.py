@@ -8,7 +8,7 @@ from msph.fluid.projection.discretisation import Discretisation
 from msph.fluid.projection.parameters import ProjectionParameters
 
 
-class Force:
+class Force(Discretisation):
     """Base of a force, which changes velocities within a step.
 
     ATTRIBUTES: the force's own particle attributes. longest_step [s]: the longest stable step, set
@@ -18,13 +18,6 @@ class Force:
     ATTRIBUTES: tuple[Attribute, ...] = ()
     LIMITED_BY = ""
     longest_step = math.inf
-
-    def __init__(self, shared: Discretisation):
-        self.constants, self.impulses = shared.constants, shared.impulses
-        self.contact = shared.contact
-        self.layers, self.particles, self.density = shared.layers, shared.particles, shared.density
-        self.boundary, self.links = shared.boundary, shared.links
-        self.neighbours, self.images = shared.neighbours, shared.images
 
     @staticmethod
     def enabled(parameters: ProjectionParameters) -> bool:

@@ -9,14 +9,14 @@ from msph.fluid.external_forces import (
     field_at,
     turning,
 )
-from msph.fluid.parts import Parts
+from msph.fluid.part import Part
 from msph.launches import data_oriented, kernel
 
 vec3 = ti.math.vec3
 
 
 @data_oriented
-class InertiaWork:
+class InertiaWork(Part):
     """Records impulse and work of the inertial forces in a step.
 
     In a step, inertia at the centre and centrifugal acceleration have the potential
@@ -24,10 +24,6 @@ class InertiaWork:
     gravity; the work of the Euler acceleration follows from the mean velocity. The work on water at
     rest in a moving box is then zero, although velocities change within the step.
     """
-
-    def __init__(self, parts: Parts):
-        self.constants, self.layers, self.particles = parts.constants, parts.layers, parts.particles
-        self.boundary, self.impulses = parts.boundary, parts.impulses
 
     def begin(self, dt: float, external: ExternalForces) -> None:
         """Adds the terms of the work at the beginning of a step of dt [s]."""

@@ -51,15 +51,8 @@ CALM, DISPLACED, CORRECTED = 0, 1, 2
 
 
 @data_oriented
-class PositionCorrection:
+class PositionCorrection(Discretisation):
     """Finds displacements of at most `largest_shift` spacings, and applies them."""
-
-    def __init__(self, shared: Discretisation):
-        self.constants, self.contact, self.layers = shared.constants, shared.contact, shared.layers
-        self.particles, self.images = shared.particles, shared.images
-        self.neighbours, self.density = shared.neighbours, shared.density
-        self.operator, self.impulses = shared.operator, shared.impulses
-        self.pair_gradient = shared.density.pair_gradient
 
     def load(self, iterations: int) -> None:
         """Sets the number of iterations per round."""
@@ -212,7 +205,7 @@ class PositionCorrection:
         ti.loop_config(serialize=self.traits.light)
         for i in range(n):
             x, margin = p.x[i] + self._limit(i) * p.position_correction[i], self.contact.margin(i)
-            x = self.contact.walls.confined(p.x[i], x, margin)
+            x = self.walls.confined(p.x[i], x, margin)
             if ti.static(self.traits.bodies):
                 if p.links[i] > 0:
                     x = self.contact.cleared(x, margin, BEGIN)
@@ -237,7 +230,7 @@ class PositionCorrection:
         """Returns the largest speed [m/s] at which walls within reach of x approach or recede;
         |v| near bodies, whose faces may have any direction."""
         h = self.layers.support[self.particles.layer[i]]
-        speed, near = 0.0, self.images.mirror.walls_near(x, h)
+        speed, near = 0.0, self.mirror.walls_near(x, h)
         for k in ti.static(range(3)):
             meets = ((near >> k) | (near >> (k + 3))) & 1
             speed = ti.max(speed, meets * abs(v[k]))

@@ -10,8 +10,8 @@ the bodies, for all layers.
 
 import taichi as ti
 
+from msph.fluid.part import Part
 from msph.fluid.particles.particles import Attribute
-from msph.fluid.parts import Parts
 from msph.launches import data_oriented
 
 ATTRIBUTES = (
@@ -20,14 +20,11 @@ ATTRIBUTES = (
 
 
 @data_oriented
-class PressureOperator:
+class PressureOperator(Part):
     """Operator A; pair_gradient is g [1/m] of each entry of the neighbour list, and
     particles.gradient the sum of g over all entries."""
 
-    def __init__(self, parts: Parts, pair_gradient: ti.MatrixField):
-        self.layers, self.particles, self.links = parts.layers, parts.particles, parts.links
-        self.neighbours, self.images = parts.neighbours, parts.images
-        self.pair_gradient = pair_gradient
+    pair_gradient: ti.MatrixField
 
     @ti.func
     def displacement(self, i, q: ti.template()):

@@ -47,7 +47,7 @@ MIN_DISPLACEMENT = 1e-5
 
 
 @data_oriented
-class PressureSolve:
+class PressureSolve(Discretisation):
     """Solver of the multipliers q by projected conjugate gradients, and their effect on velocities.
 
     velocity_multiplier holds q; residual, direction and active are fields of the conjugate
@@ -57,12 +57,8 @@ class PressureSolve:
     parameters: ProjectionParameters
 
     def __init__(self, shared: Discretisation):
-        p = shared.particles
-        self.constants, self.layers, self.particles = shared.constants, shared.layers, p
-        self.boundary, self.impulses = shared.boundary, shared.impulses
-        self.links, self.contact, self.openings = shared.links, shared.contact, shared.openings
-        self.neighbours, self.pair_gradient = shared.neighbours, shared.density.pair_gradient
-        self.density, self.operator = shared.density, shared.operator
+        super().__init__(shared)
+        p = self.particles
         self.conjugate_gradient = ConjugateGradient(
             shared, shared.operator, p.residual, p.direction, diagonal=p.diagonal, active=p.active
         )

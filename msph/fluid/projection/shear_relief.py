@@ -70,7 +70,7 @@ class ShearRelief(Force):
         for i in range(n):
             change, own = ti.math.vec3(0.0), ti.math.vec3(0.0)
             for s in range(self.neighbours.start[i], self.neighbours.end[i]):
-                g = self.density.pair_gradient[s]
+                g = self.pair_gradient[s]
                 own += g
                 change += rows_times_vector(p.relief[self.neighbours.index[s]], g)
             m, change = self.layers.mass[p.layer[i]], change + rows_times_vector(p.relief[i], own)

@@ -15,10 +15,10 @@ from msph.fluid.adaptivity.adaptation import Adaptation
 from msph.fluid.adaptivity.bands import AdaptationParameters, band_rows
 from msph.fluid.boundary import body_links, contact, openings
 from msph.fluid.external_forces import NO_HAND, ExternalForces
+from msph.fluid.part import Parts
 from msph.fluid.particles import images
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.particles import Attribute
-from msph.fluid.parts import Parts
 from msph.fluid.projection import density, position_correction, pressure_operator, pressure_solve
 from msph.fluid.projection.density import Density
 from msph.fluid.projection.discretisation import Discretisation
@@ -53,7 +53,7 @@ ATTRIBUTES = (
 
 
 @data_oriented
-class Projection:
+class Projection(Discretisation):
     """Solver of the projection method for the particles of all layers.
 
     The class attributes are explained in docs/extending.md, "A solver".
@@ -74,20 +74,16 @@ class Projection:
     parameters: ProjectionParameters
 
     def __init__(self, parts: Parts):
-        self.constants, self.boundary, self.contact = parts.constants, parts.boundary, parts.contact
-        self.layers, self.grid, self.particles = parts.layers, parts.grid, parts.particles
-        self.neighbours, self.impulses = parts.neighbours, parts.impulses
-        self.collisions, self.gaps, self.openings = parts.collisions, parts.gaps, parts.openings
-        self.beaches = parts.beaches
-        self.density = Density(parts)
-        operator = PressureOperator(parts, self.density.pair_gradient)
-        shared = Discretisation(**vars(parts), density=self.density, operator=operator)
-        self.position_correction = PositionCorrection(shared)
-        self.all_forces = [force(shared) for force in FORCES]
+        super().__init__(parts)
+        self.density = Density(self)
+        self.pair_gradient = self.density.pair_gradient
+        self.operator = PressureOperator(self)
+        self.position_correction = PositionCorrection(self)
+        self.all_forces = [force(self) for force in FORCES]
         self.forces: list[Force] = []  # forces that the scene enables
-        self.pressure_solve = PressureSolve(shared)
-        self.inertia_work = InertiaWork(parts)
-        self.built_adaptation = Adaptation(parts.room, shared)
+        self.pressure_solve = PressureSolve(self)
+        self.inertia_work = InertiaWork(self)
+        self.built_adaptation = Adaptation(self)
         self.adaptation: Adaptation | None = None  # None in scenes without splits and merges
         self.iterations, self.first_step, self.max_rate = 0, True, 0.0
 

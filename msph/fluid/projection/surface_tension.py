@@ -79,7 +79,7 @@ class SurfaceTension(Force):
             x, normal = self.particles.x[i], self.particles.normal[i]
             layer, total = self.particles.layer[i], ti.Vector([0.0, 0.0, 0.0])
             for s in range(self.neighbours.start[i], self.neighbours.end[i]):
-                j, g = self.neighbours.index[s], self.density.pair_gradient[s]
+                j, g = self.neighbours.index[s], self.pair_gradient[s]
                 n_j = self.particles.normal[j]
                 total += self._pair_term(g, layer, j, x - self.particles.x[j], normal, n_j)
             by_walls = ti.Vector([0.0, 0.0, 0.0])

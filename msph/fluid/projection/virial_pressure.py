@@ -37,7 +37,7 @@ Sums = ti.types.struct(weights=ti.f32, others=ti.f32, trace=ti.f32)
 
 
 @data_oriented
-class VirialPressure:
+class VirialPressure(Discretisation):
     """Evaluation of `pressure_multiplier` [Pa], with the densities of the last refresh().
 
     Evaluation holds the accelerations [m/s^2] by other particles (inner) and by walls, the virial
@@ -47,10 +47,7 @@ class VirialPressure:
     """
 
     def __init__(self, shared: Discretisation):
-        self.constants = shared.constants
-        self.layers, self.particles = shared.layers, shared.particles
-        self.neighbours, self.images = shared.neighbours, shared.images
-        self.pair_gradient, self.links = shared.density.pair_gradient, shared.links
+        super().__init__(shared)
         self.long_vector = ti.types.vector(3, longest_float())
         self.Evaluation = ti.types.struct(
             inner=self.long_vector,

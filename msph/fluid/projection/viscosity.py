@@ -52,10 +52,10 @@ class Viscosity(Force):
 
     def __init__(self, shared: Discretisation):
         super().__init__(shared)
-        p, self.pressure, self.iterations = shared.particles, shared.operator, 0
-        self.operator = ViscousOperator(shared, self.density.pair_gradient, p.viscous_response)
+        p, self.iterations = shared.particles, 0
+        self.viscous = ViscousOperator(shared, p.viscous_response)
         self.conjugate_gradient = ConjugateGradient(
-            shared, self.operator, p.viscous_residual, p.viscous_direction
+            shared, self.viscous, p.viscous_residual, p.viscous_direction
         )
 
     def tune(self, parameters: ProjectionParameters) -> None:
@@ -91,7 +91,7 @@ class Viscosity(Force):
         """v -= dt/rho0 grad p, with the last step's pressures."""
         p = self.particles
         for i in range(n):
-            u = self.pressure.displacement(i, p.pressure_multiplier)
+            u = self.operator.displacement(i, p.pressure_multiplier)
             p.pressure_velocity[i] = dt / self.constants.rest_density[None] * u
         ti.loop_config(serialize=self.traits.light)
         for i in range(n):
@@ -102,8 +102,8 @@ class Viscosity(Force):
         """u = dt nu lap v, with diffusion = dt nu [m^2]."""
         p = self.particles
         for i in range(n):
-            self.operator.prepare(i)
-            p.viscous_change[i] = diffusion * self.operator.laplacian(i, p.v)
+            self.viscous.prepare(i)
+            p.viscous_change[i] = diffusion * self.viscous.laplacian(i, p.v)
 
     @kernel
     def _remove_rotation(self, n: ti.i32):
@@ -139,14 +139,14 @@ class Viscosity(Force):
         the scale to <u, dt nu lap v>, which is the squared size of the solution in the norm of the
         operator if u is the solution; diffusion = dt nu [m^2]."""
         p = self.particles
-        self.operator.diffusion[None] = diffusion
+        self.viscous.diffusion[None] = diffusion
         residual_norm2, scale = 0.0, 0.0
         for i in range(n):
-            self.operator.prepare(i)
+            self.viscous.prepare(i)
             u, volume = p.viscous_change[i], self.layers.volume[p.layer[i]]
-            r = diffusion * self.operator.laplacian(i, p.v)
+            r = diffusion * self.viscous.laplacian(i, p.v)
             scale += volume * u.dot(r)
-            r += diffusion * self.operator.laplacian(i, p.viscous_change) - u
+            r += diffusion * self.viscous.laplacian(i, p.viscous_change) - u
             p.viscous_residual[i] = r
             p.viscous_direction[i] = r
             residual_norm2 += volume * r.norm_sqr()

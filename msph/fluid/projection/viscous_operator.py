@@ -15,7 +15,7 @@ import math
 
 import taichi as ti
 
-from msph.fluid.parts import Parts
+from msph.fluid.projection.discretisation import Discretisation
 from msph.fluid.small_numbers import MIN_DIVISOR
 from msph.launches import data_oriented
 
@@ -35,18 +35,17 @@ MIN_WALL_DISTANCE = 0.1
 
 
 @data_oriented
-class ViscousOperator:
+class ViscousOperator(Discretisation):
     """Operator 1 - diffusion lap, symmetric and positive under the volumes V.
 
     diffusion () is dt nu [m^2]; result (room,) vec3 holds the result of apply(). stiffness
     (entries,) is V_j a/|g|^2 of each entry of the neighbour list, whose gradient g is along r_ij.
     """
 
-    def __init__(self, parts: Parts, pair_gradient: ti.MatrixField, result: ti.MatrixField):
-        self.constants, self.pair_gradient, self.result = parts.constants, pair_gradient, result
-        self.stiffness = ti.field(ti.f32, shape=parts.neighbours.index.shape)
-        self.layers, self.particles = parts.layers, parts.particles
-        self.neighbours, self.images = parts.neighbours, parts.images
+    def __init__(self, shared: Discretisation, result: ti.MatrixField):
+        super().__init__(shared)
+        self.result = result
+        self.stiffness = ti.field(ti.f32, shape=self.neighbours.index.shape)
         self.diffusion = ti.field(ti.f32, shape=())
 
     @ti.func
@@ -75,7 +74,7 @@ class ViscousOperator:
         for s in range(self.particles.first_image[i], self.particles.body_image[i]):
             j, r_ij = self.images.index[s], self.images.arm[s]
             other, x_j = self.particles.layer[j], self.particles.x[j]
-            mirror, wall = self.images.mirror.mirror_and_wall(self.images.mirrors[s])
+            mirror, wall = self.mirror.mirror_and_wall(self.images.mirrors[s])
             y = wall_distance(x, self.layers.support[layer], mirror, wall)
             y_j = wall_distance(x_j, self.layers.support[other], mirror, wall)
             exchange = EXCHANGE_FACTOR * (field[j] - y_j / y * v)
@@ -107,8 +106,8 @@ class ViscousOperator:
     @ti.func
     def _set_wall_friction(self, i):
         x, h = self.particles.x[i], self.layers.support[self.particles.layer[i]]
-        apertures = self.images.apertures
-        near = self.images.mirror.walls_near(x, h) & ~apertures.crossed(x, x, apertures.near(x, h))
+        crossed = self.apertures.crossed(x, x, self.apertures.near(x, h))
+        near = self.mirror.walls_near(x, h) & ~crossed
         walls, found = self.constants.walls[None], 0.0
         for k in ti.static(range(3)):
             low, far = wall_friction(x[k], h), wall_friction(walls[k] - x[k], h)
