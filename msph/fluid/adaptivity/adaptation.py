@@ -10,6 +10,7 @@ import taichi as ti
 
 from msph.fluid.adaptivity.bands import AdaptationParameters, finer_of
 from msph.fluid.adaptivity.surface_distance import SurfaceDistance
+from msph.fluid.boundary.body_shapes import BEGIN
 from msph.fluid.particles import kernels
 from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.discretisation import Discretisation
@@ -171,7 +172,6 @@ class Adaptation(Discretisation):
         p, n = self.particles, self.particles.count
         limit = max(8, int((self.parameters.budget if budget is None else budget) * n))
         self.depth.refresh()
-        self.contact.refresh_clearance()
         self.tally.fill(0)
         self.mark_particles(n, self.thickness, SPLIT_HYSTERESIS)
         self.find_partners(n)
@@ -329,8 +329,8 @@ class Adaptation(Discretisation):
         # Halves stay clear of walls: a wall that pushes a half back would move the centre of mass.
         # Outside the box, next to an open top, the offset is 0: no split.
         free = ti.max(ti.min(x, self.constants.walls[None] - x), 0.0)
-        if self.constants.bodies[None] > 0:
-            free = ti.min(free, self.particles.clearance[i])
+        if ti.static(self.traits.bodies):
+            free = ti.min(free, self.boundary.clearance(x, BEGIN))
         best, least = ti.Vector([0.0, 0.0, 0.0]), 1e9
         for d in range(self.directions.shape[0]):
             offset = SPLIT_OFFSET * self.layers.spacing[layer] * self.directions[d]

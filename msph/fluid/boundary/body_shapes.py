@@ -11,6 +11,7 @@ import taichi as ti
 from msph.device_table import DeviceTable, f32, i32
 from msph.fluid.boundary.sampled_fields import SampledFields
 from msph.fluid.boundary.wall_integrals import ball_share, block_share
+from msph.fluid.boundary.walls import NO_WALL, WALLS
 from msph.fluid.constants import Constants
 from msph.fluid.particles.layers import Layers
 from msph.fluid.room import MAX_BODIES, Room
@@ -42,13 +43,13 @@ class BodyShapes:
         self.constants, self.layers = constants, layers
         self.support = layers.wall_support
         self._shapes = DeviceTable(
-            (MAX_BODIES,),
+            (MAX_BODIES + 1,),
             **{"kind": i32, "side": f32, "half": vec3},
             **{"bounding_radius": f32, "first": i32},
             **{"joined": i32, "inverse_mass": f32, "friction": f32},
         )
         self._poses = DeviceTable(
-            (MAX_BODIES, 2),
+            (MAX_BODIES + 1, 2),
             **{"centre": vec3, "rotation": ti.math.mat3, "velocity": vec3, "spin": vec3},
             **{"inverse_inertia": ti.math.mat3},
         )
@@ -123,9 +124,21 @@ class BodyShapes:
         return found
 
     @ti.func
-    def velocity_at(self, b, x):
-        """Returns the velocity [m/s] of body b at x [m]."""
-        return self.velocity[b, BEGIN] + self.spin[b, BEGIN].cross(x - self.centre[b, BEGIN])
+    def near(self, b, x, reach, pose):
+        """Returns distance(), or NO_WALL if body b is certainly farther than `reach` [m] from x.
+        Numbers from -WALLS to -1 are the walls of the box, as planes."""
+        found = vec4(NO_WALL, 0.0, 0.0, 0.0)
+        if b >= 0:
+            if self.reaches(b, x, reach, pose):
+                found = self.distance(b, x, pose)
+        else:
+            walls = self.constants.walls[None]
+            for k in ti.static(range(3)):
+                if b == 2 * k - WALLS:
+                    found[0], found[1 + k] = x[k], 1.0
+                if b == 2 * k + 1 - WALLS:
+                    found[0], found[1 + k] = walls[k] - x[k], -1.0
+        return found
 
     @ti.func
     def reaches(self, b, x, h, pose):

@@ -21,7 +21,7 @@ import taichi as ti
 from msph.errors import BlowUpError
 from msph.fluid.boundary.body_shapes import BALL, BEGIN
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Body, Solid, centre, half_extents
-from msph.fluid.boundary.walls import NO_WALL, WALL
+from msph.fluid.boundary.walls import NO_WALL, WALL, WALLS
 from msph.fluid.part import Part, Parts
 from msph.fluid.room import MAX_BODIES
 from msph.fluid.small_numbers import MIN_DIVISOR
@@ -48,7 +48,8 @@ NUMBERS = ti.types.ndarray(dtype=ti.f32, ndim=2)
 class Collisions(Part):
     """Contacts of the present step. Tables by contact: first and second body (WALL for a wall),
     place [m], normal towards the first body, gap [m], friction (-), and the impulse so far. Motions
-    (bodies, 6) are velocities [m/s] and spins [rad/s], or displacements [m] and angles [rad]."""
+    (MAX_BODIES + 1, 6) are velocities [m/s] and spins [rad/s], or displacements [m] and angles
+    [rad]."""
 
     def __init__(self, parts: Parts):
         super().__init__(parts)
@@ -105,7 +106,7 @@ class Collisions(Part):
             return
         deepest = self._prepare(self.count, dt, slop, self._motions())
         if deepest < -slop:
-            shifts = np.zeros((boundary.count, 6), np.float32)
+            shifts = np.zeros((MAX_BODIES + 1, 6), np.float32)
             self._separate(self.count, ITERATIONS, slop, shifts)
             floating.shift(shifts[floating.which].astype(float))
             boundary.redo(0.5 * dt)
@@ -124,8 +125,10 @@ class Collisions(Part):
             )
 
     def _motions(self) -> np.ndarray:
-        """Returns the present velocities and spins of all bodies (bodies, 6)."""
-        return np.concatenate(self.boundary.motions(), axis=1).astype(np.float32)
+        """Returns the present velocities and spins of all bodies, and of the walls."""
+        found = np.zeros((MAX_BODIES + 1, 6), np.float32)
+        found[: self.boundary.count] = np.concatenate(self.boundary.motions(), axis=1)
+        return found
 
     @small_kernel
     def _find_contacts(self, points: ti.i32, reach: ti.f32) -> ti.i32:
@@ -135,39 +138,31 @@ class Collisions(Part):
             a = self.point_body[k]
             x = self.boundary.centre[a, BEGIN] + self.boundary.rotation[a, BEGIN] @ self.point[k]
             radius = ti.select(self.boundary.kind[a] == BALL, self.boundary.half[a][0], 0.0)
-            if self.boundary.inverse_mass[a] > 0.0:
-                self._find_walls(a, x, radius, reach)
-            for b in range(self.constants.bodies[None]):
+            for b in range(-WALLS, self.constants.bodies[None]):
                 if self._may_meet(a, b):
-                    near = self.boundary.distance(b, x, BEGIN)
+                    near = self.boundary.near(b, x, NO_WALL, BEGIN)
                     normal = near.yzw.normalized(1e-9)
                     if near.x - radius < reach:
-                        self._append(a, b, x - radius * normal, normal, near.x - radius)
+                        second = ti.select(b < 0, WALL, b)
+                        self._append(a, second, x - radius * normal, normal, near.x - radius)
         return self.found[None]
 
     @ti.func
     def _may_meet(self, a, b):
-        """Returns True if the points of body a are to be compared with body b: one of the bodies
-        floats, and b is no ball, whose centre is compared instead, or the later of two balls."""
-        mobile = self.boundary.inverse_mass[a] + self.boundary.inverse_mass[b] > 0.0
-        ball = self.boundary.kind[b] == BALL
-        if self.boundary.kind[a] == BALL:
-            ball = ball and b < a
-        reach = self.boundary.bounding_radius[a] + self.boundary.bounding_radius[b]
-        apart = self.boundary.centre[a, BEGIN] - self.boundary.centre[b, BEGIN]
-        close = self.boundary.side[b] < 0.0 or apart.norm() < 1.5 * reach
-        return a != b and mobile and not ball and close and self.boundary.side[a] > 0.0
-
-    @ti.func
-    def _find_walls(self, a, x, radius, reach):
-        walls = self.constants.walls[None]
-        for k in ti.static(range(3)):
-            normal = vec3(0.0)
-            normal[k] = 1.0
-            if x[k] - radius < reach:
-                self._append(a, WALL, x - radius * normal, normal, x[k] - radius)
-            if walls[k] < NO_WALL and walls[k] - x[k] - radius < reach:
-                self._append(a, WALL, x + radius * normal, -normal, walls[k] - x[k] - radius)
+        """Returns True if the points of body a are to be compared with body b or, if negative, a
+        wall: one of them floats, and b is no ball, whose centre is compared instead, or the later
+        of two balls."""
+        found = self.boundary.inverse_mass[a] > 0.0
+        if b >= 0:
+            mobile = found or self.boundary.inverse_mass[b] > 0.0
+            ball = self.boundary.kind[b] == BALL
+            if self.boundary.kind[a] == BALL:
+                ball = ball and b < a
+            reach = self.boundary.bounding_radius[a] + self.boundary.bounding_radius[b]
+            apart = self.boundary.centre[a, BEGIN] - self.boundary.centre[b, BEGIN]
+            close = self.boundary.side[b] < 0.0 or apart.norm() < 1.5 * reach
+            found = a != b and mobile and not ball and close and self.boundary.side[a] > 0.0
+        return found
 
     @ti.func
     def _append(self, a, b, place, normal, gap):
@@ -238,10 +233,8 @@ class Collisions(Part):
     @ti.func
     def _relative(self, c, motions: ti.template()):
         """Returns the motion of the first body's point relative to the second's."""
-        found = self._motion_at(self.first[c], self.place[c], motions)
-        if self.second[c] != WALL:
-            found -= self._motion_at(self.second[c], self.place[c], motions)
-        return found
+        first = self._motion_at(self.first[c], self.place[c], motions)
+        return first - self._motion_at(self.second[c], self.place[c], motions)
 
     @ti.func
     def _motion_at(self, b, x, motions: ti.template()):
@@ -252,10 +245,8 @@ class Collisions(Part):
     @ti.func
     def _mobility(self, c, direction):
         """Returns the change of relative velocity along a direction by a unit impulse [1/kg]."""
-        found = self._own_mobility(self.first[c], self.place[c], direction)
-        if self.second[c] != WALL:
-            found += self._own_mobility(self.second[c], self.place[c], direction)
-        return found
+        first = self._own_mobility(self.first[c], self.place[c], direction)
+        return first + self._own_mobility(self.second[c], self.place[c], direction)
 
     @ti.func
     def _own_mobility(self, b, x, direction):
@@ -266,8 +257,7 @@ class Collisions(Part):
     @ti.func
     def _apply(self, c, impulse, motions: ti.template()):
         self._push(self.first[c], self.place[c], impulse, motions)
-        if self.second[c] != WALL:
-            self._push(self.second[c], self.place[c], -impulse, motions)
+        self._push(self.second[c], self.place[c], -impulse, motions)
 
     @ti.func
     def _push(self, b, x, impulse, motions: ti.template()):

@@ -6,16 +6,10 @@ Walls and bodies stop particles. Kernels are completed by images beyond walls an
 
 import taichi as ti
 
-from msph.fluid.boundary.body_shapes import BEGIN, END
-from msph.fluid.boundary.walls import NO_WALL
+from msph.fluid.boundary.body_shapes import END
 from msph.fluid.part import Part, Parts
-from msph.fluid.particles.particles import Attribute
 from msph.fluid.room import MAX_BODIES
 from msph.launches import data_oriented, kernel
-
-vec3, vec4 = ti.math.vec3, ti.math.vec4
-
-ATTRIBUTES = (Attribute("clearance", "m", "distance from the nearest body", carried=False),)
 
 # Depth in a body beyond which a particle has leaked, in spacings of the finest layer. Between a
 # wall and the face of a body that rests against it a particle is up to 2 NEAREST deep.
@@ -65,11 +59,6 @@ class Contact(Part):
             if work:  # access to a field takes as long as the rest
                 self.impulses.wall_work.total[None] += work
 
-    def refresh_clearance(self) -> None:
-        """Computes the distance of each particle from the nearest body in the middle of a step."""
-        if self.boundary.count:
-            self._find_clearance(self.particles.count)
-
     def leaked(self) -> int:
         """Returns the number of particles outside the walls, not counting those above an open top,
         or over LEAK spacings inside a body."""
@@ -99,7 +88,7 @@ class Contact(Part):
     @ti.func
     def _count_touches(self, x, margin):
         for b in range(self.constants.bodies[None]):
-            if self._near(b, x, margin, END).x < margin:
+            if self.boundary.near(b, x, margin, END).x < margin:
                 self.touches[b] += 1
 
     @kernel
@@ -116,7 +105,7 @@ class Contact(Part):
                 x, v, margin = p.x[i], p.v[i], self.margin(i)
                 m = self.layers.mass[p.layer[i]]
                 for b in range(self.constants.bodies[None]):
-                    near = self._near(b, x, margin, END)
+                    near = self.boundary.near(b, x, margin, END)
                     if near.x < margin:
                         push = self._rebound(b, x, v, m, near.yzw.normalized(1e-9))
                         v += push
@@ -137,15 +126,6 @@ class Contact(Part):
         return -strength * inward * normal
 
     @ti.func
-    def _near(self, b, x, margin, pose):
-        """Returns the distance [m] of x from body b and its gradient; NO_WALL if the body is
-        certainly farther than `margin` [m]."""
-        found = vec4(NO_WALL, 0.0, 0.0, 0.0)
-        if self.boundary.reaches(b, x, margin, pose):
-            found = self.boundary.distance(b, x, pose)
-        return found
-
-    @ti.func
     def cleared(self, start, margin, pose):
         """Returns the place `start` [m] moved out of bodies and walls, to the distance `margin` [m]
         from them."""
@@ -154,7 +134,7 @@ class Contact(Part):
             rounds += 1
             pushed = False
             for b in range(self.constants.bodies[None]):
-                near = self._near(b, x, margin, pose)
+                near = self.boundary.near(b, x, margin, pose)
                 if near.x < margin:
                     x -= (near.x - margin) * near.yzw / ti.max(near.yzw.norm_sqr(), 0.25)
                     pushed = True
@@ -163,11 +143,6 @@ class Contact(Part):
             if not pushed:
                 rounds = ROUNDS
         return x
-
-    @kernel
-    def _find_clearance(self, n: ti.i32):
-        for i in range(n):
-            self.particles.clearance[i] = self.boundary.clearance(self.particles.x[i], BEGIN)
 
     @kernel
     def _count_leaked(self, n: ti.i32, bodies: ti.template()) -> ti.i32:

@@ -21,7 +21,7 @@ import taichi as ti
 
 from msph.fluid.boundary.body_faces import samples
 from msph.fluid.boundary.body_shapes import BEGIN
-from msph.fluid.boundary.walls import NO_WALL, WALL
+from msph.fluid.boundary.walls import WALL, WALLS
 from msph.fluid.external_forces import FIELD_NUMBERS, NO_HAND, ExternalForces, field_at
 from msph.fluid.part import Part, Parts
 from msph.fluid.particles import kernels
@@ -174,43 +174,28 @@ class GapPressure(Part):
         """Returns the share (-) of a gap at x [m] that is extrapolated, and the body on the other
         side, or WALL; away: distance [m] from body b and its unit normal at x."""
         spacing, best, other = self.constants.finest_spacing[None], 0.0, WALL
-        normal, own = away.yzw, ti.max(away.x, 0.0)
-        walls = self.constants.walls[None]
-        for axis in ti.static(range(3)):
-            best = ti.max(best, self._narrow((x[axis] + own) / spacing, -normal[axis]))
-            if walls[axis] < NO_WALL:
-                width = (walls[axis] - x[axis] + own) / spacing
-                best = ti.max(best, self._narrow(width, normal[axis]))
-        for a in range(self.constants.bodies[None]):
-            if a != b and self.boundary.reaches(a, x, WIDE * spacing, BEGIN):
-                near = self.boundary.distance(a, x, BEGIN)
-                share = self._narrow((near.x + own) / spacing, -normal.dot(near.yzw))
-                if share > best:
-                    best, other = share, a
+        for a in range(-WALLS, self.constants.bodies[None]):
+            if a != b:
+                near = self.boundary.near(a, x, WIDE * spacing, BEGIN)
+                width = (near.x + ti.max(away.x, 0.0)) / spacing
+                narrow = ti.math.clamp((WIDE - width) / (WIDE - NARROW), 0.0, 1.0)
+                facing = ti.math.clamp(-away.yzw.dot(near.yzw) / FACING, 0.0, 1.0)
+                if narrow * facing > best:
+                    best, other = narrow * facing, ti.select(a < 0, WALL, a)
         return best, other
-
-    @ti.func
-    def _narrow(self, width, facing):
-        narrow = ti.math.clamp((WIDE - width) / (WIDE - NARROW), 0.0, 1.0)
-        return narrow * ti.math.clamp(facing / FACING, 0.0, 1.0)
 
     @ti.func
     def _is_free(self, b, x):
         """Returns False if x [m] is in a wall or in another body than b."""
-        depth = INSIDE * self.constants.finest_spacing[None]
-        walls = self.constants.walls[None]
-        free = x.min() > -depth and (walls - x).min() > -depth
-        for a in range(self.constants.bodies[None]):
-            if a != b and self.boundary.reaches(a, x, 0.0, BEGIN):
-                free = free and self.boundary.distance(a, x, BEGIN).x > -depth
+        free, depth = True, INSIDE * self.constants.finest_spacing[None]
+        for a in range(-WALLS, self.constants.bodies[None]):
+            if a != b:
+                free = free and self.boundary.near(a, x, 0.0, BEGIN).x > -depth
         return free
 
     @ti.func
     def _floats(self, other):
-        found = False
-        if other != WALL:
-            found = self.boundary.inverse_mass[other] > 0.0
-        return found
+        return self.boundary.inverse_mass[other] > 0.0
 
     @ti.func
     def _opposite(self, link, other):

@@ -23,8 +23,9 @@ HEADROOM = 0.5
 # Height above the rim, in longest edges, above which water counts as spilt, so that water that
 # never falls back leaves the simulation.
 HIGHEST = 4.0
-# Coordinate [m] of a wall that does not exist, and index of all walls among the bodies.
-NO_WALL, WALL = 1e9, MAX_BODIES
+# Coordinate [m] of a wall that does not exist; number of walls; row of all walls in the tables of
+# bodies, which stays 0: they do not move.
+NO_WALL, WALLS, WALL = 1e9, 6, MAX_BODIES
 
 
 def region(size: Size, open_top: bool) -> Size:

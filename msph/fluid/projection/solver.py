@@ -13,7 +13,7 @@ import numpy as np
 from msph.fluid.adaptivity.adaptation import ATTRIBUTES as ADAPTATION_ATTRIBUTES
 from msph.fluid.adaptivity.adaptation import Adaptation
 from msph.fluid.adaptivity.bands import AdaptationParameters, band_rows
-from msph.fluid.boundary import body_links, contact, openings
+from msph.fluid.boundary import body_links, openings
 from msph.fluid.external_forces import NO_HAND, ExternalForces
 from msph.fluid.part import Parts
 from msph.fluid.particles import images
@@ -44,7 +44,6 @@ ATTRIBUTES = (
     *density.ATTRIBUTES,
     *images.ATTRIBUTES,
     *body_links.ATTRIBUTES,
-    *contact.ATTRIBUTES,
     *openings.ATTRIBUTES,
     *pressure_operator.ATTRIBUTES,
     *pressure_solve.ATTRIBUTES,
