@@ -9,7 +9,7 @@ import numpy as np
 import taichi as ti
 
 from msph.device_table import DeviceTable, i32
-from msph.launches import data_oriented, kernel
+from msph.launches import data_oriented, heavy_kernel
 from msph.surface import cube_tables
 from msph.surface.device_lattice import WORD, DeviceLattice
 from msph.surface.lattice import Lattice
@@ -39,7 +39,8 @@ class MarchingCubes:
     signs.read is set, the gradients at the ends of crossed edges. The mesh is closed if all border
     nodes are outside, as ghosts are. crossed (words) u32 and first (words) i32, 3-vectors by axis:
     crossed edges of a word and the vertex of the first one. Arrays are flat, with the indices of
-    `lattice`.
+    `lattice`. way, 3-vectors (vertices): dx/dvalue of a vertex at x [m], 0 on walls and bodies.
+    volume, slope [m^3]: enclosed by the mesh, and its derivative by value.
     """
 
     def __init__(self, room: SurfaceRoom):
@@ -53,6 +54,8 @@ class MarchingCubes:
         self.iso, self.overlap = ti.field(ti.f32, shape=()), ti.field(ti.f32, shape=())
         self.crossed = ti.Vector.field(3, ti.u32, shape=self.signs.room)
         self.first = ti.Vector.field(3, ti.i32, shape=self.signs.room)
+        self.way = ti.Vector.field(3, ti.f32, shape=room.vertices)
+        self.volume, self.slope = ti.field(ti.f32, shape=()), ti.field(ti.f32, shape=())
         # By case: the edges of its triangles, three per triangle, and in every column the number
         # of triangles. Scalars, since a vector read at a varying component stops Taichi from
         # summing by thread.
@@ -77,16 +80,19 @@ class MarchingCubes:
         self.signs.read.from_numpy(np.full(self.signs.pair_room, ~np.uint32(0)))
         self.signs.deep.fill(0)
 
-    def run(self) -> None:
+    @heavy_kernel
+    def run(self):
         """Makes the mesh from value and gradient."""
-        self.find_signs()
-        self.make_vertices()
-        self.make_triangles()
+        self.make_mesh(self.signs.word_count())
 
-    @kernel
-    def find_signs(self):
-        for q in range(self.signs.word_count()):
+    @ti.func
+    def make_mesh(self, words):
+        """Makes the mesh from the first `words` words: of all, or of none. Call it at the top level
+        of a kernel, where its loops run in parallel."""
+        for q in range(words):
             self.find_word(q)
+        self.make_vertices(words)
+        self.make_triangles(ti.min(words, self.cell_words()))
 
     @ti.func
     def find_word(self, q):
@@ -129,12 +135,12 @@ class MarchingCubes:
             f = ti.select(inside & ti.u32(1) != 0, 1.0, -1.0)
         return f
 
-    @kernel
-    def make_vertices(self):
+    @ti.func
+    def make_vertices(self, words):
         """Makes one vertex per crossed edge, at the zero of the level (root())."""
         for c in range(4):
             self.mesh.counts[c] = 0
-        for q in range(self.signs.word_count()):
+        for q in range(words):
             i, j, w = self.signs.position(q)
             own, nodes = self.signs.inside[q], self.numbers.nodes[None]
             # The last row is its own neighbour, so no edge leaves the lattice.
@@ -176,13 +182,17 @@ class MarchingCubes:
         t = ti.math.clamp(t, END_GAP, 1.0 - END_GAP)
         n = -ti.math.mix(self.gradient_at(a), self.gradient_at(b), t)
         n -= (slope / along.norm_sqr() + n.dot(along) / along.norm_sqr()) * along
+        way = -1.0 / slope
         if self.at_wall(node, far):
-            t, n = 0.5, ti.select(node.dot(step) == 0, -1.0, 1.0) * unit
+            t, n, way = 0.5, ti.select(node.dot(step) == 0, -1.0, 1.0) * unit, 0.0
+        if self.is_cut(a) or self.is_cut(b):
+            way = 0.0
         x += t * along
         if n.norm_sqr() < MIN_GRADIENT2:
             n = ti.select(f0 > f1, 1.0, -1.0) * unit
         self.mesh.vertices[slot] = x
         self.mesh.normals[slot] = n.normalized()
+        self.way[slot] = way * along
 
     @ti.func
     def root(self, f0, f1, a, b, along):
@@ -277,10 +287,12 @@ class MarchingCubes:
             v[m] = self.first[at][axis] + count_below(self.crossed[at][axis], low[2] % WORD)
         return v
 
-    @kernel
-    def make_triangles(self):
-        """Emits the table's triangles of every cell, without triangles that lack a vertex."""
-        for q in range(self.cell_words()):
+    @ti.func
+    def make_triangles(self, words):
+        """Emits the table's triangles of every cell, without triangles that lack a vertex, and
+        computes volume and slope."""
+        self.volume[None], self.slope[None] = 0.0, 0.0
+        for q in range(words):
             i, j, w = self.cell_position(q)
             low, high = self.corners(i, j, w)
             cells = self.cells(low, high, w)
@@ -294,7 +306,7 @@ class MarchingCubes:
                 if self.mesh.counts[2] > self.mesh.max_vertices:
                     whole = self.count_kept(i, j, w, low, high, cells)
                 slot = ti.atomic_add(self.mesh.counts[1], whole)
-                rest = cells
+                rest, part = cells, ti.math.vec2(0.0)
                 while rest != 0:
                     k = lowest_bit(rest)
                     rest &= rest - ti.u32(1)
@@ -305,9 +317,20 @@ class MarchingCubes:
                             if slot < self.mesh.max_triangles:
                                 self.mesh.triangles[slot] = v
                             slot += 1
+                            part += self.volume_of(v)
+                self.volume[None] += part[0]
+                self.slope[None] += part[1]
         ti.loop_config(serialize=True)
         for _ in range(1):
             self.mesh.counts[1] = ti.min(self.mesh.counts[1], self.mesh.max_triangles)
+
+    @ti.func
+    def volume_of(self, v):
+        """Returns the parts of the triangle of vertices v in volume and slope [m^3]:
+        a . (b x c)/6 and (b - a) x (c - a)/2 . (dx_a + dx_b + dx_c)/3."""
+        a, b, c = self.mesh.vertices[v[0]], self.mesh.vertices[v[1]], self.mesh.vertices[v[2]]
+        way = self.way[v[0]] + self.way[v[1]] + self.way[v[2]]
+        return ti.math.vec2(a.dot(b.cross(c)), (b - a).cross(c - a).dot(way)) / 6.0
 
     @ti.func
     def count_kept(self, i, j, w, low, high, cells):

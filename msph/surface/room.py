@@ -14,7 +14,7 @@ VERTICES_PER_HULL_FACE = 2.5
 TRIANGLES_PER_VERTEX = 2.1
 # Values of 4 bytes per node (nodes, words, sub-blocks and tiles), per node of an axis, per vertex,
 # per triangle and per particle.
-VALUES = (11, 3 * (2 * LAYERS + 1), 11, 4, 14)
+VALUES = (11, 3 * (2 * LAYERS + 1), 14, 4, 14)
 
 
 @dataclass(frozen=True)

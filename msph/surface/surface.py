@@ -93,7 +93,7 @@ class Surface:
         self.thin.spray.elapsed += dt
 
     def extract(self, for_image: bool = False) -> None:
-        """Computes the mesh from the particles in twelve kernel launches, besides the sort.
+        """Computes the mesh from the particles in ten kernel launches, besides the sort.
 
         for_image: the mesh lacks the spray (spray.py), and ends inside opaque bodies (band.py). The
         waterline is then the intersection of both surfaces, exact to a pixel; at the end of the
@@ -106,12 +106,7 @@ class Surface:
         self.band.classify(self.has_bodies)
         self.band.include_thin(self.particles.count, self.has_bodies, frame, dt, int(for_image))
         self.evaluate(self.has_bodies)
-        self.volume_control.correct()
-        if hidden:
-            self.cubes.overlap[None] = self.overlap
-        self.cubes.run()
-        if hidden:
-            self.cubes.overlap[None] = 0.0
+        self.volume_control.make_mesh(self.overlap if hidden else 0.0)
         self.drops.add()
         self.rounding.round(self.has_bodies)
 
