@@ -60,20 +60,10 @@ TINY = 1e-6
 
 
 @ti.dataclass
-class Sum:
-    """Sum of (1 - |x - x_j|^2/r^2)^3 over particles j near x [m], and the least |x - x_j|^2 [m^2]
-    of particles that are not at x."""
-
-    x: vec3
-    per_r2: ti.f32
-    total: ti.f32
-    nearest2: ti.f32
-
-
-@ti.dataclass
-class Moments:
-    """Moments of the places x_j - x [m] of particles j near x, with the weights of Sum: number (-),
-    first [m], and second (squares xx, yy, zz and products yz, zx, xy) [m^2]."""
+class Around:
+    """Sums over particles j near x [m], with e = x_j - x [m]: of the weights (1 - e^2/r^2)^3 (-);
+    of weights times e, times its squares xx, yy, zz, and times its products yz, zx, xy. nearest2:
+    the least e^2 [m^2] of particles that are not at x."""
 
     x: vec3
     per_r2: ti.f32
@@ -81,6 +71,7 @@ class Moments:
     first: vec3
     squares: vec3
     products: vec3
+    nearest2: ti.f32
 
 
 @data_oriented
@@ -138,10 +129,10 @@ class ThinWater:
         layer, inside = self.particles.layer[i], not self.beyond_wall(self.particles.x[i])
         self.kernel[i], larger, drop, kept = self.full(layer), 0.0, False, 1.0
         if not deep:
-            c = self.coverage(i, bodies)
-            drop = c[1] > DROP_GAP
+            c, nearest, _mean, _spread = self.neighbours(i, bodies, self.add_weights)
+            drop = nearest > DROP_GAP
             # The images of a drop in walls are no neighbours that hold it together.
-            loose = 1.0 if drop else self.looseness(c[0], layer)
+            loose = 1.0 if drop else self.looseness(c, layer)
             if ti.static(bodies):
                 if drop:
                     radius = SPHERE_RADIUS * self.layers.spacing[layer]
@@ -152,8 +143,8 @@ class ThinWater:
                 self.kernel[i][1] = 0.0
                 if inside and kept > 0.0:
                     self.drops[ti.atomic_add(self.drop_count[None], 1)] = i
-            elif c[0] < self.by_layer.thick[layer]:
-                larger = self.narrow(i, layer, c[0], bodies)
+            elif c < self.by_layer.thick[layer]:
+                larger = self.narrow(i, layer, bodies)
                 self.kernel[i][1] *= kept
         self.kept[i] = kept
         if inside and not drop:
@@ -178,10 +169,10 @@ class ThinWater:
         return ti.math.clamp((sheet - c) / (sheet - isolated), 0.0, 1.0)
 
     @ti.func
-    def narrow(self, i, layer, c, bodies: ti.template()):
-        """Sets the kernel of particle i, with the coverage c (-), in thin water; returns the
-        distance [m] within which the kernel exceeds the full kernel."""
-        mean, spread = self.neighbours(i, bodies)
+    def narrow(self, i, layer, bodies: ti.template()):
+        """Sets the kernel of particle i in thin water; returns the distance [m] within which the
+        kernel exceeds the full kernel."""
+        c, _, mean, spread = self.neighbours(i, bodies, self.add_moments)
         sheet, thick = self.by_layer.sheet[layer], self.by_layer.thick[layer]
         full, least = self.by_layer.reach[layer], SHEET_REACH * self.layers.spacing[layer]
         isolated = self.by_layer.isolated[layer]
@@ -206,60 +197,49 @@ class ThinWater:
         return ti.sqrt(ti.max(s - 1.0, 0.0) / falls) + moved.norm()
 
     @ti.func
-    def coverage(self, i, bodies: ti.template()):
-        """Computes the coverage (-) at particle i with kernels of full reach, and the distance to
-        its nearest neighbour, over the mean of the two spacings."""
-        x, spacing = self.particles.x[i], self.spacing(i)
-        c, nearest, size = 0.0, NO_NEIGHBOUR, self.numbers.size[None]
+    def neighbours(self, i, bodies: ti.template(), add: ti.template()):
+        """Computes from the particles around particle i, with kernels of full reach: coverage (-),
+        and by add_weights the distance to the nearest, over the mean of the two spacings, or by
+        add_moments the mean [m] and the covariance [m^2] of the places relative to particle i.
+        Walls and bodies hide neighbours: they have no part in the mean."""
+        x, size, spacing = self.particles.x[i], self.numbers.size[None], self.spacing(i)
+        c, nearest, total = 0.0, NO_NEIGHBOUR, 0.0
+        mean, d, o = vec3(0.0), vec3(0.0), vec3(0.0)
         for layer in range(self.numbers.layers[None]):
-            r = self.by_layer.reach[layer]
-            found = Sum(x=x, per_r2=1.0 / (r * r), total=0.0, nearest2=NO_NEIGHBOUR)
-            self.grid.for_each_row(x, layer, r, self.add_row, found)
+            r, weight = self.by_layer.reach[layer], self.by_layer.isolated[layer]
+            found = Around(x=x, per_r2=1.0 / (r * r), nearest2=NO_NEIGHBOUR)
+            self.grid.for_each_row(x, layer, r, add, found)
             if found.total > 0.0:
                 share = 1.0
                 for axis in ti.static(range(3)):
-                    share *= 1.0 - cut_share(x[axis] / r)
-                    share *= 1.0 - cut_share((size[axis] - x[axis]) / r)
+                    low, high = cut_share(x[axis] / r), cut_share((size[axis] - x[axis]) / r)
+                    share *= 1.0 - low
+                    share *= 1.0 - high
+                    found.first[axis] *= (1.0 - 2.0 * low) * (1.0 - 2.0 * high)
                 if ti.static(bodies):
-                    share *= self.bodies.open_share(x, layer)[0]
-                c += self.by_layer.isolated[layer] * found.total / share
-            mean = 0.5 * (spacing + self.layers.spacing[layer])
-            nearest = ti.min(nearest, ti.sqrt(found.nearest2) / mean)
-        return ti.Vector([c, nearest])
-
-    @ti.func
-    def add_row(self, begin, end, found: ti.template()):
-        for j in range(begin, end):
-            r2 = (found.x - self.particles.x[j]).norm_sqr()
-            u = ti.max(1.0 - r2 * found.per_r2, 0.0)
-            found.total += u * u * u
-            if r2 > 0.0:
-                found.nearest2 = ti.min(found.nearest2, r2)
-
-    @ti.func
-    def neighbours(self, i, bodies: ti.template()):
-        """Computes the mean [m] and the covariance [m^2] of the places of the particles around
-        particle i, relative to it. Walls and bodies hide neighbours: they have no part in the
-        mean."""
-        x, size = self.particles.x[i], self.numbers.size[None]
-        total, mean, d, o = 0.0, vec3(0.0), vec3(0.0), vec3(0.0)
-        for layer in range(self.numbers.layers[None]):
-            r, weight = self.by_layer.reach[layer], self.by_layer.isolated[layer]
-            found = Moments(x=x, per_r2=1.0 / (r * r), total=0.0)
-            self.grid.for_each_row(x, layer, r, self.add_moments, found)
-            for axis in ti.static(range(3)):
-                low, high = cut_share(x[axis] / r), cut_share((size[axis] - x[axis]) / r)
-                found.first[axis] *= (1.0 - 2.0 * low) * (1.0 - 2.0 * high)
-            if ti.static(bodies):
-                found.first *= ti.max(2.0 * self.bodies.open_share(x, layer)[0] - 1.0, 0.0)
-            total += weight * found.total
-            mean += weight * found.first
-            d += weight * found.squares
-            o += weight * found.products
+                    part = self.bodies.open_share(x, layer)[0]
+                    share *= part
+                    found.first *= ti.max(2.0 * part - 1.0, 0.0)
+                c += weight * found.total / share
+                total += weight * found.total
+                mean += weight * found.first
+                d += weight * found.squares
+                o += weight * found.products
+            between = 0.5 * (spacing + self.layers.spacing[layer])
+            nearest = ti.min(nearest, ti.sqrt(found.nearest2) / between)
         # The particle itself adds to total.
         mean, d, o = mean / total, d / total, o / total
         second = ti.Matrix([[d.x, o.z, o.y], [o.z, d.y, o.x], [o.y, o.x, d.z]])
-        return mean, second - mean.outer_product(mean)
+        return c, nearest, mean, second - mean.outer_product(mean)
+
+    @ti.func
+    def add_weights(self, begin, end, found: ti.template()):
+        for j in range(begin, end):
+            e2 = (self.particles.x[j] - found.x).norm_sqr()
+            u = ti.max(1.0 - e2 * found.per_r2, 0.0)
+            found.total += u * u * u
+            if e2 > 0.0:
+                found.nearest2 = ti.min(found.nearest2, e2)
 
     @ti.func
     def add_moments(self, begin, end, found: ti.template()):
