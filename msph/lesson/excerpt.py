@@ -6,10 +6,12 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
+from msph.errors import BadInputError
+
 OWN = "msph"
 
 
-class ExcerptError(ValueError):
+class ExcerptError(BadInputError):
     """Source code that cannot be found; str() names it."""
 
 

@@ -12,12 +12,12 @@ from pydantic import ValidationError
 from msph import expressions
 from msph.errors import did_you_mean
 from msph.lesson.boards import MODULES, board_of
-from msph.lesson.excerpt import ExcerptError, excerpt
+from msph.lesson.excerpt import excerpt
 from msph.lesson.quantities import known_numbers
 from msph.lesson.schema import LINES, REASON, WORDS, Lesson, SliderOf, Task, WaterOf
-from msph.lesson.typeset import FormulaError, check_formula
+from msph.lesson.typeset import check_formula
 from msph.scene.check import views
-from msph.scene.errors import SceneError
+from msph.scene.errors import SceneError, explaining, in_file, require, require_known
 from msph.scene.library import assets, shipped_scenes
 from msph.scene.live import live_parameters, with_live_value
 from msph.scene.load import explain, load_scene, read_toml, shortened
@@ -30,10 +30,6 @@ SHORT_WORDS = 12
 MAX_STEPS = 10_000
 # Live parameters that have no effect in a lesson, which has its own time steps and image size.
 WINDOW_ONLY = {"play.speed", "play.scale"}
-
-
-class LessonError(SceneError):
-    """A lesson that cannot be used; str() is one line: file, key, problem."""
 
 
 @dataclass(frozen=True)
@@ -64,21 +60,19 @@ def shipped_lessons() -> dict[str, Path]:
 
 
 def find_lesson(name: str) -> Path:
-    """Returns the file of a lesson given by shipped name, folder or file. Raises LessonError."""
+    """Returns the file of a lesson given by shipped name, folder or file. Raises SceneError."""
     lessons, path = shipped_lessons(), Path(name).resolve()
     if name in lessons:
         return lessons[name]
     for candidate in (path / FILE, path):
         if os.path.isfile(candidate):
             return candidate
-    if os.path.isdir(path):
-        raise LessonError(name, f"has no {FILE}")
-    hint = did_you_mean(name, lessons, "shipped")
-    raise LessonError(name, f"no such lesson; {hint}")
+    hint = f"no such lesson; {did_you_mean(name, lessons, 'shipped')}"
+    raise SceneError(name, f"has no {FILE}" if os.path.isdir(path) else hint)
 
 
 def load_lesson(name: str) -> Course:
-    """Returns a checked lesson. Raises LessonError, or SceneError for an invalid file."""
+    """Returns a checked lesson. Raises SceneError."""
     path = find_lesson(name)
     data = read_toml(path)
     where = f"{path.parent.name}/{path.name}"
@@ -86,34 +80,26 @@ def load_lesson(name: str) -> Course:
         lesson = Lesson.model_validate(data)
     except ValidationError as error:
         raise explain(error, where, Lesson) from None
-    if bool(lesson.board) == bool(lesson.water):
-        raise LessonError(where, "needs either [[water]] tables or a board")
-    scenes = [_scene(water, path.parent, where, k) for k, water in enumerate(lesson.water)]
-    known = _known(lesson, scenes, where)
-    _check_sliders(lesson, scenes, where)
-    _check_words(lesson, where)
-    for k, task in enumerate(lesson.do):
-        key = f"do.{k}"
-        for name, text in (("check", task.check), *(("show", text) for _, _, text in task.lines)):
-            try:
-                expressions.check(text, known)
-            except expressions.ExpressionError as error:
-                raise LessonError(where, str(error), f"{key}.{name}") from None
-        _check_solution(lesson, task, where, f"{key}.solution")
-        if task.view:
-            _demand(task.view, views(scenes[0]) if scenes else (), "view", where, f"{key}.view")
-    return Course(path.parent.name, lesson, scenes, _code(lesson, where))
+    with in_file(where):
+        one = bool(lesson.board) != bool(lesson.water)
+        require(one, "", "needs either [[water]] tables or a board")
+        scenes = [_scene(water, path.parent, k) for k, water in enumerate(lesson.water)]
+        known = _known(lesson, scenes)
+        _check_sliders(lesson, scenes)
+        _check_words(lesson)
+        for k, task in enumerate(lesson.do):
+            _check_task(lesson, task, known, f"do.{k}")
+            if task.view:
+                require_known(task.view, views(scenes[0]) if scenes else (), "view", f"do.{k}.view")
+        return Course(path.parent.name, lesson, scenes, _code(lesson))
 
 
-def _scene(water: WaterOf, folder: Path, where: str, k: int) -> Scene:
+def _scene(water: WaterOf, folder: Path, k: int) -> Scene:
     """Returns the scene of a simulation with its changes applied."""
-    beside = folder / water.scene
-    name = water.scene if water.scene in shipped_scenes() else str(beside)
+    name = water.scene if water.scene in shipped_scenes() else str(folder / water.scene)
     changes = [f"{key}={_toml(value)}" for key, value in water.set.items()]
-    try:
+    with explaining(f"water.{k}"):
         return load_scene(name, tuple(changes))
-    except SceneError as error:
-        raise LessonError(where, str(error), f"water.{k}") from None
 
 
 def _toml(value: Any) -> str:
@@ -125,79 +111,77 @@ def _toml(value: Any) -> str:
     return listed.strip()[1:-1].strip().rstrip(",")
 
 
-def _known(lesson: Lesson, scenes: list[Scene], where: str) -> dict[str, set[str] | None]:
+def _known(lesson: Lesson, scenes: list[Scene]) -> dict[str, set[str] | None]:
     """Returns the names that expressions may use, with their attributes, or None for numbers."""
     known: dict[str, set[str] | None] = {s.name: None for s in lesson.slider}
-    if len(known) < len(lesson.slider):
-        raise LessonError(where, "two sliders have the same name", "slider")
+    require(len(known) == len(lesson.slider), "slider", "two sliders have the same name")
     for water, scene in zip(lesson.water, scenes, strict=True):
-        if water.name in known:
-            raise LessonError(where, f"the name {water.name!r} is used twice")
+        require(water.name not in known, "", f"the name {water.name!r} is used twice")
         known[water.name] = known_numbers(scene)
     if lesson.board:
-        _demand(lesson.board, MODULES, "board", where, "board")
+        require_known(lesson.board, MODULES, "board", "board")
         known["board"] = set(board_of(lesson.board).NUMBERS)
     return known
 
 
-def _check_sliders(lesson: Lesson, scenes: list[Scene], where: str) -> None:
+def _check_sliders(lesson: Lesson, scenes: list[Scene]) -> None:
     for k, slider in enumerate(lesson.slider):
         key = f"slider.{k}"
-        if not slider.lo <= slider.start <= slider.hi or slider.lo == slider.hi:
-            raise LessonError(where, "start must lie between lo and hi, and lo below hi", key)
-        if slider.step and slider.hi - slider.lo > MAX_STEPS * slider.step:
-            problem = f"divides the range into more than {MAX_STEPS} steps (got {slider.step:g})"
-            raise LessonError(where, problem, f"{key}.step")
-        if keyword.iskeyword(slider.name):
-            raise LessonError(where, "is a reserved word", f"{key}.name")
+        ordered = slider.lo <= slider.start <= slider.hi and slider.lo < slider.hi
+        require(ordered, key, "start must lie between lo and hi, and lo below hi")
+        problem = f"divides the range into more than {MAX_STEPS} steps (got {slider.step:g})"
+        few = not slider.step or slider.hi - slider.lo <= MAX_STEPS * slider.step
+        require(few, f"{key}.step", problem)
+        require(not keyword.iskeyword(slider.name), f"{key}.name", "is a reserved word")
         if lesson.board:
-            _check_input(lesson, slider, where, key)
+            _check_input(lesson, slider, key)
             continue
         live = {live.key for scene in scenes for live in live_parameters(scene)} - WINDOW_ONLY
-        _demand(slider.key, sorted(live), "live parameter", where, f"{key}.key")
+        require_known(slider.key, sorted(live), "live parameter", f"{key}.key")
         for end in ("lo", "hi"):
-            _check_end(scenes, slider, end, where, f"{key}.{end}")
+            _check_end(scenes, slider, end, f"{key}.{end}")
 
 
-def _check_input(lesson: Lesson, slider: SliderOf, where: str, key: str) -> None:
+def _check_input(lesson: Lesson, slider: SliderOf, key: str) -> None:
     inputs = board_of(lesson.board).INPUTS
-    _demand(slider.name, inputs, "input", where, f"{key}.name")
-    if slider.key:
-        problem = "is not allowed with a board, whose inputs are selected by the slider's name"
-        raise LessonError(where, problem, f"{key}.key")
+    require_known(slider.name, inputs, "input", f"{key}.name")
+    problem = "is not allowed with a board, whose inputs are selected by the slider's name"
+    require(not slider.key, f"{key}.key", problem)
     given = inputs[slider.name]
-    if given.names and (slider.step != 1.0 or slider.lo % 1.0 or slider.start % 1.0):
-        problem = f"must step by 1 through the named values of {slider.name}"
-        raise LessonError(where, problem, key)
-    if slider.lo < given.lo or slider.hi > given.hi:
-        problem = f"the board's range of {slider.name} is {given.lo:g} to {given.hi:g}"
-        raise LessonError(where, problem, key)
+    whole = slider.step == 1.0 and not slider.lo % 1.0 and not slider.start % 1.0
+    problem = f"must step by 1 through the named values of {slider.name}"
+    require(whole or not given.names, key, problem)
+    problem = f"the board's range of {slider.name} is {given.lo:g} to {given.hi:g}"
+    require(given.lo <= slider.lo and slider.hi <= given.hi, key, problem)
 
 
-def _check_solution(lesson: Lesson, task: Task, where: str, key: str) -> None:
-    sliders = {slider.name: slider for slider in lesson.slider}
-    for name, value in task.solution.set.items():
-        _demand(name, sliders, "slider", where, f"{key}.set")
-        if not sliders[name].lo <= value <= sliders[name].hi:
-            problem = f"{name} = {value:g} is outside the slider's range"
-            raise LessonError(where, problem, f"{key}.set")
-    if lesson.board and not task.solution.set:
-        raise LessonError(where, "must move a slider, as the lesson has a board", key)
-
-
-def _check_end(scenes: list[Scene], slider: SliderOf, end: str, where: str, key: str) -> None:
-    """Raises LessonError if an end of a slider is outside its parameter's range."""
+def _check_end(scenes: list[Scene], slider: SliderOf, end: str, key: str) -> None:
+    """Raises SceneError if an end of a slider is outside its parameter's range."""
     for scene in scenes:
         try:
             moved = with_live_value(scene, slider.key, getattr(slider, end))
             Scene.model_validate(moved.model_dump(exclude_none=True))
         except ValidationError as error:
             problem = error.errors()[0]["msg"]
-            raise LessonError(where, problem[0].lower() + problem[1:], key) from None
+            raise SceneError("", problem[0].lower() + problem[1:], key) from None
 
 
-def _check_words(lesson: Lesson, where: str) -> None:
-    """Raises LessonError for long captions, characters beyond ASCII, which some fonts lack, control
+def _check_task(lesson: Lesson, task: Task, known: dict, key: str) -> None:
+    for name, text in (("check", task.check), *(("show", text) for _, _, text in task.lines)):
+        with explaining(f"{key}.{name}"):
+            expressions.check(text, known)
+    sliders = {slider.name: slider for slider in lesson.slider}
+    for name, value in task.solution.set.items():
+        require_known(name, sliders, "slider", f"{key}.solution.set")
+        inside = sliders[name].lo <= value <= sliders[name].hi
+        problem = f"{name} = {value:g} is outside the slider's range"
+        require(inside, f"{key}.solution.set", problem)
+    moves = task.solution.set or not lesson.board
+    require(moves, f"{key}.solution", "must move a slider, as the lesson has a board")
+
+
+def _check_words(lesson: Lesson) -> None:
+    """Raises SceneError for long captions, characters beyond ASCII, which some fonts lack, control
     characters, a wrong answer number, and formulas that cannot be typeset."""
     long = {"predict.ask": lesson.predict.ask, "why.text": lesson.why.text}
     long |= {f"do.{k}.text": task.text for k, task in enumerate(lesson.do)}
@@ -208,38 +192,25 @@ def _check_words(lesson: Lesson, where: str) -> None:
     for k, task in enumerate(lesson.do):
         short |= {f"do.{k}.show.{n}": label for n, (label, _, _) in enumerate(task.lines)}
     reasons = {f"predict.because.{k}": text for k, text in enumerate(lesson.predict.because)}
-    for texts, most in ((long, WORDS), (reasons, REASON), (short, SHORT_WORDS)):
+    for texts, limit in ((long, WORDS), (reasons, REASON), (short, SHORT_WORDS)):
         for key, text in texts.items():
-            if len(text.split()) > most:
-                raise LessonError(where, f"has {len(text.split())} words; at most {most}", key)
-            if not text.isascii():
-                raise LessonError(where, "has characters beyond ASCII", key)
-            if not text.replace("\n", " ").isprintable():
-                raise LessonError(where, f"has control characters (got {shortened(text)})", key)
-    if lesson.predict.answer > len(lesson.predict.choices):
-        most = len(lesson.predict.choices)
-        raise LessonError(where, f"must be a choice from 1 to {most}", "predict.answer")
-    if len(lesson.predict.because) != len(lesson.predict.choices):
-        most = len(lesson.predict.choices)
-        raise LessonError(where, f"needs {most} reasons, one for each choice", "predict.because")
-    try:
+            words = len(text.split())
+            require(words <= limit, key, f"has {words} words; at most {limit}")
+            require(text.isascii(), key, "has characters beyond ASCII")
+            printable = text.replace("\n", " ").isprintable()
+            require(printable, key, f"has control characters (got {shortened(text)})")
+    most = len(lesson.predict.choices)
+    chosen = lesson.predict.answer <= most
+    require(chosen, "predict.answer", f"must be a choice from 1 to {most}")
+    problem = f"needs {most} reasons, one for each choice"
+    require(len(lesson.predict.because) == most, "predict.because", problem)
+    with explaining("why.formula"):
         check_formula(lesson.why.formula)
-    except FormulaError as error:
-        raise LessonError(where, str(error), "why.formula") from None
 
 
-def _code(lesson: Lesson, where: str) -> list[str]:
-    try:
+def _code(lesson: Lesson) -> list[str]:
+    with explaining("why.code"):
         code = excerpt(lesson.why.code, lesson.why.first, lesson.why.last)
-    except ExcerptError as error:
-        raise LessonError(where, str(error), "why.code") from None
-    if len(code) > LINES:
-        problem = f"has {len(code)} lines, at most {LINES}; `first` and `last` select some"
-        raise LessonError(where, problem, "why.code")
+    problem = f"has {len(code)} lines, at most {LINES}; `first` and `last` select some"
+    require(len(code) <= LINES, "why.code", problem)
     return code
-
-
-def _demand(name: str, known: Any, what: str, where: str, key: str) -> None:
-    """Raises LessonError for an unknown name."""
-    if name not in known:
-        raise LessonError(where, f"unknown {what} {name!r}; {did_you_mean(name, known)}", key)

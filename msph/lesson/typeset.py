@@ -5,8 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from msph.errors import BadInputError
 
-class FormulaError(ValueError):
+
+class FormulaError(BadInputError):
     """A formula that cannot be typeset."""
 
 

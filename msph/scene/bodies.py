@@ -21,8 +21,8 @@ from msph.fluid.methods import METHODS, methods_with
 from msph.parameter import MAX_SPEED
 from msph.picture.tone import albedo
 from msph.scene import schema
-from msph.scene.errors import SceneError, is_one_of, require, require_inside
-from msph.scene.meshes import MeshError, load_mesh
+from msph.scene.errors import SceneError, explaining, is_one_of, require, require_inside
+from msph.scene.meshes import load_mesh
 from msph.scene.motion import TOO_FAST, TRIALS, check_formulas, formula_numbers
 from msph.scene.openings import walls
 from msph.scene.schema import Container, Scene
@@ -127,7 +127,7 @@ def check_bodies(scene: Scene, spacing: float) -> list[Body]:
     problem = f"the method {scene.method} has no bodies; {methods_with('HAS_BODIES')} has"
     require(able, "bodies" if scene.bodies else "container", problem)
     if scene.container is not None:
-        _check_mesh(scene.container, "container")
+        _check_mesh(scene.container.mesh, "container")
         found.append(_container(scene.container))
         require_inside(*found[0].bounds, scene.box.size, "container")
     for i, given in enumerate(scene.bodies):
@@ -142,7 +142,7 @@ def _check_body(scene: Scene, given: schema.BodyEntry, spacing: float, key: str)
     single = is_one_of((given.lo, given.hi), (given.centre, given.radius), (given.mesh,))
     require(single, key, "give either lo and hi, or centre and radius, or mesh")
     if given.mesh is not None:
-        _check_mesh(given, key)
+        _check_mesh(given.mesh, key)
     require(any(given.axis), f"{key}.axis", "has no direction")
     floats = given.density is not None or given.mass is not None
     require(given.density is None or given.mass is None, key, "give either density or mass")
@@ -183,8 +183,6 @@ def _check_body(scene: Scene, given: schema.BodyEntry, spacing: float, key: str)
     return made
 
 
-def _check_mesh(mesh: schema.BodyEntry | Container, key: str) -> None:
-    try:
-        load_mesh(str(mesh.mesh))
-    except MeshError as error:
-        raise SceneError("", str(error), f"{key}.mesh") from None
+def _check_mesh(name: str, key: str) -> None:
+    with explaining(f"{key}.mesh"):
+        load_mesh(name)

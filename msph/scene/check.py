@@ -5,7 +5,6 @@ import itertools
 import numpy as np
 import psutil
 
-from msph.errors import did_you_mean
 from msph.fluid.adaptivity.bands import coarser_of
 from msph.fluid.boundary.mesh_samples import sample_count
 from msph.fluid.boundary.rigid_bodies import Ball, Body
@@ -18,12 +17,12 @@ from msph.scene import schema
 from msph.scene.bodies import check_bodies
 from msph.scene.errors import (
     TOLERANCE,
-    SceneError,
     in_file,
     in_metres,
     is_one_of,
     require,
     require_inside,
+    require_known,
     require_layer,
 )
 from msph.scene.motion import check_motion
@@ -62,10 +61,7 @@ def _check(scene: Scene) -> None:
     for i, layer in enumerate(scene.layers):
         single = (layer.mass is None) != (layer.spacing is None)
         require(single, f"layers.{i}", "give either mass or spacing")
-    known, view = views(scene), scene.picture.view
-    if view not in known:
-        problem = f"unknown view {view!r}; {did_you_mean(view, known)}"
-        raise SceneError("", problem, "picture.view")
+    require_known(scene.picture.view, views(scene), "view", "picture.view")
     closed = not (scene.box.open and scene.container)
     require(closed, "box.open", "has no effect: no water leaves a container")
     specs = layer_specs(scene)
@@ -74,10 +70,8 @@ def _check(scene: Scene) -> None:
         _check_water(scene, water, specs, f"water.{i}")
     for (i, a), (j, b) in itertools.combinations(enumerate(scene.water), 2):
         require(not _overlap(a, b), f"water.{j}", f"overlaps water.{i}")
-    contradiction = getattr(scene, scene.method).contradiction()
-    if contradiction:
-        name, problem = contradiction
-        raise SceneError("", problem, f"{scene.method}.{name}")
+    name, problem = getattr(scene, scene.method).contradiction() or ("", "")
+    require(not problem, f"{scene.method}.{name}", problem)
     _check_camera_path(scene)
     _check_layer_options(scene)
     _check_adaptation(scene, specs)

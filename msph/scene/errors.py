@@ -1,12 +1,12 @@
 """The error of a scene: one line that names the file, the key and the problem."""
 
 import contextlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
-from msph.errors import BadInputError
+from msph.errors import BadInputError, did_you_mean
 
 # Largest overlap [m] of volumes of water, or with the outside of the box, that counts as rounding.
 TOLERANCE = 1e-6
@@ -26,6 +26,12 @@ def require(holds: object, key: str, problem: str) -> None:
         raise SceneError("", problem, key)
 
 
+def require_known(name: str, known: Collection[str], what: str, key: str) -> None:
+    """Raises SceneError for a key that gives an unknown name."""
+    if name not in known:
+        raise SceneError("", f"unknown {what} {name!r}; {did_you_mean(name, known)}", key)
+
+
 @contextlib.contextmanager
 def in_file(where: str) -> Iterator[None]:
     """Context that adds the name of the scene's file to a SceneError."""
@@ -33,6 +39,15 @@ def in_file(where: str) -> Iterator[None]:
         yield
     except SceneError as error:
         raise SceneError(where, error.problem, error.key) from None
+
+
+@contextlib.contextmanager
+def explaining(key: str) -> Iterator[None]:
+    """Context that turns an error of input into a SceneError of a key."""
+    try:
+        yield
+    except BadInputError as error:
+        raise SceneError("", str(error), key) from None
 
 
 def in_metres(point: Iterable[float]) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from msph.errors import did_you_mean
+from msph.errors import BadInputError, did_you_mean
 from msph.kept_arrays import kept
 from msph.picture.tone import CLAY, albedo
 from msph.scene.library import assets
@@ -24,7 +24,7 @@ STL_HEADER, STL_TRIANGLE = 84, 50
 MIN_VOLUME_SHARE = 1e-6
 
 
-class MeshError(ValueError):
+class MeshError(BadInputError):
     """A mesh file that cannot be used; str() gives the file and the reason."""
 
 

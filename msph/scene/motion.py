@@ -1,19 +1,18 @@
 """Motion of the tank: expressions, tables and the sway as one path over time."""
 
-import contextlib
 import csv
 import functools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 
-from msph.errors import did_you_mean
-from msph.expressions import ExpressionError, OverTime
+from msph.errors import BadInputError, did_you_mean
+from msph.expressions import OverTime
 from msph.fluid.boundary.rigid_bodies import rotations
 from msph.fluid.moving_box import INTERVAL, Path, at_rest
 from msph.parameter import LARGEST, MAX_SPEED
-from msph.scene.errors import SceneError, require
+from msph.scene.errors import explaining, require
 from msph.scene.schema import BodyEntry, Scene, Sway, TankMotion
 
 # Columns of a motion table: the time, and the displacement and angle.
@@ -32,7 +31,7 @@ TOO_FAST = f"at most {MAX_SPEED:g} m/s is allowed"
 PLACES = 16
 
 
-class TableError(ValueError):
+class TableError(BadInputError):
     """A table of a motion that cannot be used; str() is one line."""
 
 
@@ -180,12 +179,3 @@ def check_formulas(given: TankMotion | BodyEntry, duration: float, key: str) -> 
 def over(duration: float, found: Callable[[float], float]) -> list[float]:
     """Returns the values of a function at TRIALS times within the duration [s]."""
     return [found(time) for time in np.linspace(0.0, duration, TRIALS).tolist()]
-
-
-@contextlib.contextmanager
-def explaining(key: str) -> Iterator[None]:
-    """Turns an ExpressionError or a TableError into a SceneError of a key."""
-    try:
-        yield
-    except (ExpressionError, TableError) as error:
-        raise SceneError("", str(error), key) from None

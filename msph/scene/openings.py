@@ -12,8 +12,8 @@ from msph.fluid.methods import METHODS, methods_with
 from msph.fluid.particles.layers import LayerSpec
 from msph.parameter import MAX_SPEED
 from msph.scene import schema
-from msph.scene.errors import is_one_of, require, require_layer
-from msph.scene.motion import TRIALS, explaining, over
+from msph.scene.errors import explaining, is_one_of, require, require_layer
+from msph.scene.motion import TRIALS, over
 from msph.scene.schema import Scene
 
 # Litres per cubic metre.

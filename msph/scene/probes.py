@@ -4,7 +4,7 @@ import numpy as np
 
 from msph.fluid.boundary.rigid_bodies import Ball, Block
 from msph.scene.bodies import bodies, number_of
-from msph.scene.errors import TOLERANCE, SceneError, in_metres, require
+from msph.scene.errors import TOLERANCE, explaining, in_metres, require
 from msph.scene.observation import Probe
 from msph.scene.schema import Scene
 
@@ -50,10 +50,8 @@ def _check_probe(scene: Scene, probe: Probe, key: str) -> None:
         problem = "must equal lo on one axis and exceed it on the others, to form a rectangle"
         require(sorted(edges) == [0.0, 1.0, 1.0], f"{key}.hi", problem)
     if probe.body is not None:
-        try:
+        with explaining(f"{key}.body"):
             number_of(scene, probe.body)
-        except SceneError as error:
-            raise SceneError("", error.problem, f"{key}.body") from None
 
 
 def probe_cautions(scene: Scene) -> list[str]:
