@@ -1,9 +1,11 @@
 """An entry of the ledger: quantities of the water at one time, with their units."""
 
 from dataclasses import dataclass, fields
-from typing import Annotated, get_args
+from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 import numpy as np
+
+R = TypeVar("R", bound="Record")
 
 # Parts of the mechanical energy, and of the external work since the start.
 ENERGIES = (
@@ -16,8 +18,43 @@ WORKS = ("wall_work", "user_work", "inertia_work", "tilt_work", "inflow_work")
 SUM = "sum since the start"
 
 
+class Record:
+    """A dataclass that is part of a table's row. Fields annotated with a unit are columns, a vector
+    three of them."""
+
+    @classmethod
+    def annotated(cls) -> dict[str, tuple[Any, ...]]:
+        """Returns type, unit and marks of each field that is a column, by name."""
+        kinds = {f.name: f.type for f in fields(cls)}  # type: ignore[arg-type]
+        return {name: get_args(k) for name, k in kinds.items() if get_origin(k) is Annotated}
+
+    @classmethod
+    def columns(cls) -> list[str]:
+        """Returns the column heads "name [unit]"; a vector has name_x, name_y, name_z."""
+        heads = []
+        for name, (kind, unit, *_) in cls.annotated().items():
+            parts = [f"{name}_{k}" for k in "xyz"] if kind is np.ndarray else [name]
+            heads += [f"{part} [{unit}]" for part in parts]
+        return heads
+
+    def row(self) -> list[float]:
+        """Returns the numbers of a table row, in the order of columns()."""
+        values = (getattr(self, name) for name in self.annotated())
+        return [x for value in values for x in np.atleast_1d(value).tolist()]
+
+    @classmethod
+    def of(cls: type[R], row: np.ndarray, *others: Any) -> R:
+        """Returns the record whose row() is at the beginning of `row`; others: fields without
+        columns."""
+        values, cells = [], iter(row)
+        for kind, *_ in cls.annotated().values():
+            vector = kind is np.ndarray
+            values.append(np.array([next(cells) for _ in "xyz"]) if vector else kind(next(cells)))
+        return cls(*values, *others)
+
+
 @dataclass(frozen=True)
-class Entry:
+class Entry(Record):
     """Quantities of the water at one time; vectors are (3,), angular momenta about the origin.
 
     momentum_scale = sum m |v| and angular_scale = sum m |x - c| |v|, with c the box's centre, are
@@ -90,21 +127,6 @@ class Entry:
     def energy(self) -> float:
         """Mechanical energy less external work [J]."""
         return self.mechanical - self.work
-
-    def row(self) -> list[float]:
-        """Returns the numbers of a table row, in the order of columns()."""
-        values = (getattr(self, f.name) for f in fields(self))
-        return [x for value in values for x in np.atleast_1d(value).tolist()]
-
-
-def columns() -> list[str]:
-    """Returns the column heads "name [unit]"; a vector has name_x, name_y, name_z."""
-    heads = []
-    for f in fields(Entry):
-        kind, unit, *_ = get_args(f.type)
-        parts = [f"{f.name}_{k}" for k in "xyz"] if kind is np.ndarray else [f.name]
-        heads += [f"{part} [{unit}]" for part in parts]
-    return heads
 
 
 def energy_less_work(ledger: dict[str, np.ndarray]) -> np.ndarray:

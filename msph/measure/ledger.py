@@ -121,14 +121,15 @@ class Ledger:
 
     def momentum_drift(self) -> float:
         """Returns |sum of internal impulses| over the largest sum m |v| of the run (-)."""
-        scale = max(e.momentum_scale for e in self.entries)
-        drift = max(float(np.linalg.norm(e.internal_impulse)) for e in self.entries)
-        return drift / scale if scale > 0.0 else 0.0
+        return self._drift("internal_impulse", "momentum_scale")
 
     def angular_drift(self) -> float:
         """Returns |sum of internal angular impulses| over the run's largest angular scale (-)."""
-        scale = max(e.angular_scale for e in self.entries)
-        drift = max(float(np.linalg.norm(e.internal_angular_impulse)) for e in self.entries)
+        return self._drift("internal_angular_impulse", "angular_scale")
+
+    def _drift(self, impulse: str, reference: str) -> float:
+        scale = max(getattr(e, reference) for e in self.entries)
+        drift = max(float(np.linalg.norm(getattr(e, impulse))) for e in self.entries)
         return drift / scale if scale > 0.0 else 0.0
 
     def reference_energy(self) -> float:
@@ -193,11 +194,6 @@ class Ledger:
         if np.isnan(mean).all():
             return np.nan, np.nan, np.nan
         return float(np.nanmean(mean)), float(np.nanmean(p99)), float(np.nanmax(largest))
-
-    def last_solver_residual(self) -> float:
-        """Returns the last measured mean solver residual (-), NaN if there is none."""
-        found = (e.solver_residual_mean for e in reversed(self.entries))
-        return next((error for error in found if not math.isnan(error)), math.nan)
 
     def rest_energy(self, seconds: float = 1.0) -> float:
         """Returns the mean kinetic energy [J] over the last `seconds`; zero for water at rest."""

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from msph.measure import account, body_table, entry, past, summary
+from msph.measure import account, body_table, past, summary
 from msph.measure.body_table import BodyTable
 from msph.measure.entry import Entry
 from msph.measure.probes import build_probes
-from msph.measure.survey import COLUMNS, Survey, survey
+from msph.measure.survey import Survey, survey, surveys_of
 from msph.measure.table import ROUNDING, Table
 from msph.own_files import replacing, written
 from msph.scene.bodies import names
@@ -60,7 +60,7 @@ class Measurement:
         self.show: Any = None  # None before the first frame
         self.good: dict[str, Any] = {}  # state after the last complete frame
         self.result: dict[str, Any] = {}
-        heads = entry.columns() + (COLUMNS if self.gap else [])
+        heads = Entry.columns() + (Survey.columns() if self.gap else [])
         self.ledger = Table(folder / LEDGER, heads, since)
         heads = ["time [s]", *(head for p in self.probes for head in p.heads)]
         self.readings = Table(folder / PROBES, heads, since)
@@ -98,15 +98,17 @@ class Measurement:
         self.show, self.started = show, show.simulation.counts()
         self.first_step = show.simulation.steps
         self.bodies = BodyTable(show.simulation)
-        earlier = past.entries(self.ledger.kept)
+        rows, first = self.ledger.kept, len(Entry.columns())
+        earlier = [Entry.of(row) for row in rows]
         if self.gap and earlier:
-            self.surveys = past.surveys(self.ledger.kept, self.scene.density)
+            mass = np.array([e.mass for e in earlier])
+            self.surveys = surveys_of(rows[:, first:], mass, self.scene.density)
         self.before = earlier[-1] if earlier else None
         goes_on = earlier and abs(show.simulation.reached - earlier[-1].time) < ROUNDING
         # A frame has the gravity of its start; the work of a tilt counts in the next frame.
         x, y, z = earlier[-1].gravity.tolist() if goes_on else show.gravity()
-        first = past.continued(show.ledger.record((x, y, z)), self.before)
-        show.ledger.entries[:] = earlier if goes_on else [*earlier, first]
+        now = past.continued(show.ledger.record((x, y, z)), self.before)
+        show.ledger.entries[:] = earlier if goes_on else [*earlier, now]
         if not goes_on:
             self._write(show)
 
@@ -118,10 +120,10 @@ class Measurement:
         row = last.row()
         if water and due:
             volume = show.volume()
-            self.surveys.append(survey(last.time, volume, water, show.display.surface.shortfall()))
+            self.surveys.append(survey(volume, water, show.display.surface.shortfall()))
             row += self.surveys[-1].row()
         elif self.gap:
-            row += [float("nan")] * len(COLUMNS)
+            row += [float("nan")] * len(Survey.columns())
         self.ledger.write(row)
         if water:
             self.readings.write([last.time, *(n for p in self.probes for n in p.read(water))])

@@ -2,23 +2,19 @@
 
 import math
 import zipfile
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 import psutil
 
 from msph.errors import BadInputError
 from msph.fluid.checkpoint import numbers
-from msph.measure.bulk import BulkDensity
-from msph.measure.entry import SUM, Entry, columns
-from msph.measure.kernel_density import KernelDensity
-from msph.measure.survey import COLUMNS, Survey
+from msph.measure.entry import SUM, Entry
 from msph.parameter import LONGEST
 
 # Fields of an entry that are sums since the start.
-SUMS = [f.name for f in fields(Entry) if SUM in get_args(f.type)]
+SUMS = [name for name, marks in Entry.annotated().items() if SUM in marks]
 
 
 class CheckpointError(BadInputError):
@@ -78,37 +74,6 @@ def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
             raise ValueError(f"{member.filename}: has no {shape} numbers")
     with archive.open(member) as file:
         return np.lib.format.read_array(file, allow_pickle=False)
-
-
-def entries(rows: np.ndarray) -> list[Entry]:
-    """Returns the entries of a ledger's rows (n, columns), which begin with entry.columns()."""
-    found = []
-    for row in rows:
-        values, place = {}, 0
-        for field in fields(Entry):
-            kind = get_args(field.type)[0]
-            if kind is np.ndarray:
-                values[field.name] = row[place : place + 3].copy()
-                place += 3
-            else:
-                values[field.name] = kind(row[place])
-                place += 1
-        found.append(Entry(**values))
-    return found
-
-
-def surveys(rows: np.ndarray, rest_density: float) -> list[Survey]:
-    """Returns the surveys of a ledger's rows (n, columns), whose last columns are Survey.row(), or
-    NaN without a survey. rest_density [kg/m^3]: of the water."""
-    mass, found = columns().index("mass [kg]"), []
-    for row in rows:
-        volume, mean, p99, *bulk = own = row[-len(COLUMNS) :]
-        if np.isfinite(own).any():
-            error = volume * rest_density / row[mass] - 1.0
-            found.append(
-                Survey(row[0], volume, error, KernelDensity(mean, p99), BulkDensity(*bulk, 0))
-            )
-    return found
 
 
 def continued(entry: Entry, before: Entry | None) -> Entry:

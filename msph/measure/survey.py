@@ -1,47 +1,50 @@
 """Surveys: measurements of volume and densities from positions, too slow for every frame."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from msph.measure.bulk import BulkDensity, bulk_density
-from msph.measure.kernel_density import KernelDensity, kernel_density
+from msph.measure.bulk import bulk_density
+from msph.measure.entry import Record
+from msph.measure.kernel_density import kernel_density
 from msph.measure.snapshot import Snapshot
-
-# Column heads of Survey.row().
-COLUMNS = [
-    "volume [m^3]",
-    "kernel_density_error_mean [-]",
-    "kernel_density_error_p99 [-]",
-    "bulk_density_mean [-]",
-    "bulk_density_least [-]",
-    "bulk_density_most [-]",
-]
 
 
 @dataclass(frozen=True)
-class Survey:
-    """A survey at a time [s]: volume [m^3] within the surface mesh, its error relative to the
-    volume at rest density (-), kernel density error (-), bulk density over rest (-), and the reason
-    for missing volume, if the surface gives one."""
+class Survey(Record):
+    """A survey of the water: volume within the surface mesh, kernel density error, bulk density
+    over rest; volume_error: over the volume at rest density (-); shortfall: reason for missing
+    volume, if the surface gives one."""
 
-    time: float
-    volume: float
+    volume: Annotated[float, "m^3"]
+    kernel_density_error_mean: Annotated[float, "-"]
+    kernel_density_error_p99: Annotated[float, "-"]
+    bulk_density_mean: Annotated[float, "-"]
+    bulk_density_least: Annotated[float, "-"]
+    bulk_density_most: Annotated[float, "-"]
     volume_error: float
-    kernel: KernelDensity
-    bulk: BulkDensity
     shortfall: str | None = None
 
-    def row(self) -> list[float]:
-        kernel, bulk = self.kernel, self.bulk
-        return [self.volume, kernel.mean, kernel.p99, bulk.mean, bulk.least, bulk.most]
+    @property
+    def bulk_density_error(self) -> float:
+        return self.bulk_density_mean - 1.0
 
 
-def survey(time: float, volume: float, water: Snapshot, shortfall: str | None = None) -> Survey:
+def survey(volume: float, water: Snapshot, shortfall: str | None = None) -> Survey:
     """Returns the survey of water whose surface mesh encloses `volume` [m^3]."""
-    bulk = bulk_density(water.x, water.spacing, water.size, water.free)
     kernel = kernel_density(water.x, water.spacing, water.size)
-    return Survey(time, volume, volume / water.volume - 1.0, kernel, bulk, shortfall)
+    bulk = bulk_density(water.x, water.spacing, water.size, water.free)
+    densities = kernel.mean, kernel.p99, bulk.mean, bulk.least, bulk.most
+    return Survey(volume, *densities, volume / water.volume - 1.0, shortfall)
+
+
+def surveys_of(rows: np.ndarray, mass: np.ndarray, rest_density: float) -> list[Survey]:
+    """Returns the surveys of rows (n, columns), NaN without a survey, of water with a mass (n,)
+    [kg] and a rest density [kg/m^3]."""
+    errors = rows[:, 0] * rest_density / mass - 1.0
+    made = np.isfinite(rows).any(axis=1)
+    return [Survey.of(*each) for each in zip(rows[made], errors[made], strict=True)]
 
 
 def shortfall(surveys: list[Survey]) -> str | None:
@@ -55,19 +58,13 @@ def shortfall(surveys: list[Survey]) -> str | None:
 def errors(surveys: list[Survey]) -> dict[str, float]:
     """Returns the mean, last and worst errors of volume and bulk density, and the means over time
     of the kernel density error's mean and 99th percentile (-), NaN if unknown."""
-    found = {
-        f"kernel_density_error_{name}": float(np.mean([getattr(s.kernel, name) for s in surveys]))
-        if surveys
-        else np.nan
-        for name in ("mean", "p99")
-    }
-    for name, values in (
-        ("volume_error", [s.volume_error for s in surveys]),
-        ("bulk_density_error", [s.bulk.mean - 1.0 for s in surveys]),
-    ):
-        known = np.array([v for v in values if np.isfinite(v)])
-        some = len(known) > 0
-        found[f"{name}_mean"] = float(known.mean()) if some else np.nan
-        found[f"{name}_last"] = float(known[-1]) if some else np.nan
-        found[f"{name}_worst"] = float(known[np.abs(known).argmax()]) if some else np.nan
+    found = {}
+    for name in ("kernel_density_error_mean", "kernel_density_error_p99"):
+        found[name] = float(np.mean([getattr(s, name) for s in surveys] or [np.nan]))
+    for name in ("volume_error", "bulk_density_error"):
+        values = [getattr(s, name) for s in surveys]
+        known = [float(v) for v in values if np.isfinite(v)] or [np.nan]
+        found[f"{name}_mean"] = float(np.mean(known))
+        found[f"{name}_last"] = known[-1]
+        found[f"{name}_worst"] = max(known, key=abs)
     return found

@@ -11,7 +11,7 @@ from msph.fluid.external_forces import ExternalForces, Hand
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.simulation import FullError
-from msph.measure.entry import columns
+from msph.measure.entry import Entry
 from msph.measure.ledger import Ledger, NotFiniteError, level_potential
 from msph.measure.summary import errors
 from msph.measure.table import column
@@ -242,7 +242,7 @@ def test_density_errors_refer_to_the_positions_at_the_end_of_a_frame(world):
 
 
 def test_a_row_has_a_number_for_every_column(world):
-    row, heads = world[1].record(G).row(), columns()
+    row, heads = world[1].record(G).row(), Entry.columns()
     assert len(row) == len(heads) == len({column(head) for head in heads})
     assert all(column(head).isidentifier() for head in heads)
     by_head = dict(zip(heads, row, strict=True))

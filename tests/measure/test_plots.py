@@ -4,14 +4,14 @@ import imageio.v2 as imageio
 import numpy as np
 import pytest
 
-from msph.measure import entry
+from msph.measure.entry import Entry
 from msph.measure.plots import notes, plot
-from msph.measure.survey import COLUMNS
+from msph.measure.survey import Survey
 from msph.measure.table import Table
 
 
 def write_tables(folder, probes=("P1 [Pa]", "gauge [m]")):
-    heads = entry.columns() + COLUMNS
+    heads = Entry.columns() + Survey.columns()
     ledger = Table(folder / "ledger.csv", heads)
     readings = Table(folder / "probes.csv", ["time [s]", *probes])
     for k in range(20):
@@ -47,7 +47,7 @@ def test_gaps_and_early_negative_pressures_are_explained():
 def test_errors_of_zero_give_no_warning(tmp_path):
     """Errors that are all zero are plotted without a warning. Regression: Matplotlib warned of a
     logarithmic axis without positive values."""
-    heads = entry.columns() + COLUMNS
+    heads = Entry.columns() + Survey.columns()
     ledger = Table(tmp_path / "ledger.csv", heads)
     Table(tmp_path / "probes.csv", ["time [s]"])
     for k in range(3):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from msph.errors import LostOutputError
-from msph.measure import entry, past
+from msph.measure.entry import Entry, energy_less_work
 from msph.measure.table import Table, TableError, column, read
 
 
@@ -83,9 +83,9 @@ def test_a_table_of_other_columns_is_refused_and_kept(tmp_path):
 def test_the_energy_of_a_table_equals_the_energy_of_its_entries(tmp_path):
     """A row of a table and its entry have the same energy. Regression: plots and convergence
     studies left out inflows, outflows and spilt water."""
-    path, heads = tmp_path / "ledger.csv", entry.columns()
+    path, heads = tmp_path / "ledger.csv", Entry.columns()
     ledger = Table(path, heads)
     ledger.write(range(1, len(heads) + 1))
     table = read(path)
-    (found,) = past.entries(np.column_stack(list(table.values())))
-    assert entry.energy_less_work(table) == pytest.approx([found.energy])
+    found = Entry.of(np.column_stack(list(table.values()))[0])
+    assert energy_less_work(table) == pytest.approx([found.energy])
