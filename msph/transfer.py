@@ -11,7 +11,6 @@ from multiprocessing.shared_memory import SharedMemory
 from typing import Any
 
 import numpy as np
-import taichi as ti
 
 from msph.fluid.boundary.boundary import Boundary
 from msph.fluid.boundary.rigid_bodies import Body, Solid
@@ -21,7 +20,7 @@ from msph.fluid.particles.layers import Layers
 from msph.fluid.plan import Plan
 from msph.fluid.room import Room, room_for
 from msph.fluid.world import GROWTH
-from msph.launches import Traits, data_oriented, kernel, use_traits
+from msph.launches import Traits, use_traits
 from msph.state import Moment, State, Wanted
 
 # Numbers per particle by array, 1 without a second axis, and their type; the columns of `drops` are
@@ -87,60 +86,19 @@ class SharedArrays:
                 self.memory.unlink()
 
 
-@data_oriented
-class Transfer:
-    """Reads and writes the particles of a state from and to arrays."""
-
-    def __init__(self, state: State):
-        self.particles = state.particles
-
-    @kernel
-    def write(
-        self,
-        x: ti.types.ndarray(dtype=ti.f32, ndim=2),
-        v: ti.types.ndarray(dtype=ti.f32, ndim=2),
-        viewed: ti.types.ndarray(dtype=ti.f32, ndim=1),
-        layer: ti.types.ndarray(dtype=ti.i32, ndim=1),
-        number: ti.types.ndarray(dtype=ti.i32, ndim=1),
-    ):
-        """Writes the particles to arrays of their number."""
-        p = self.particles
-        ti.loop_config(serialize=self.traits.light)
-        for i in range(layer.shape[0]):
-            for k in ti.static(range(3)):
-                x[i, k], v[i, k] = p.x[i][k], p.v[i][k]
-            viewed[i], layer[i], number[i] = p.viewed[i], p.layer[i], p.id[i]
-
-    @kernel
-    def read(
-        self,
-        x: ti.types.ndarray(dtype=ti.f32, ndim=2),
-        v: ti.types.ndarray(dtype=ti.f32, ndim=2),
-        viewed: ti.types.ndarray(dtype=ti.f32, ndim=1),
-        layer: ti.types.ndarray(dtype=ti.i32, ndim=1),
-        number: ti.types.ndarray(dtype=ti.i32, ndim=1),
-    ):
-        """Reads the particles from arrays of their number."""
-        p = self.particles
-        ti.loop_config(serialize=self.traits.light)
-        for i in range(layer.shape[0]):
-            for k in ti.static(range(3)):
-                p.x[i][k], p.v[i][k] = x[i, k], v[i, k]
-            p.viewed[i], p.layer[i], p.id[i] = viewed[i], layer[i], number[i]
-
-
 class Sender:
     """Sends the states of one simulation."""
 
     def __init__(self, state: State):
-        self.state, self.transfer = state, state.build_once(Transfer)
+        self.state = state
         # As sent last: identical lists are not sent again.
         self.bodies, self.openings = state.boundary.bodies, None
 
     def pack(self, arrays: Arrays) -> Packet:
         """Writes the state's arrays and returns the rest."""
         state, drops = self.state, self.state.rim.has_drops
-        self.transfer.write(*_of(arrays, state.particles.count))
+        for name in PARTICLES:
+            arrays[name][: state.particles.count] = state.particles.numpy(name)
         if drops:
             state.rim.read_drops(arrays["drops"])
         with state.at_frame():
@@ -156,8 +114,7 @@ class Sender:
 
 def receive(state: State, packet: Packet, arrays: Arrays) -> None:
     """Takes a state of another process; state: of own_state()."""
-    n = state.particles.count = packet.count
-    state.build_once(Transfer).read(*_of(arrays, n))
+    state.particles.fill(**{name: arrays[name][: packet.count] for name in PARTICLES})
     state.grid.invalidate()
     state.now, state.wanted = packet.now, packet.wanted
     state.rim.has_drops = packet.spilt
@@ -175,11 +132,6 @@ def receive(state: State, packet: Packet, arrays: Arrays) -> None:
         _load_openings(state, packet.openings)
     if state.boundary.moving:
         state.boundary.take_poses(packet.centres, packet.turns)
-
-
-def _of(arrays: Arrays, n: int) -> list[np.ndarray]:
-    """Returns the arrays of n particles."""
-    return [arrays[key][:n] for key in PARTICLES]
 
 
 class Drops:
