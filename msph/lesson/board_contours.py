@@ -34,7 +34,7 @@ DIAGONALS, RULES = ("separate", "joined"), ("own cube", "shared face")
 CORNER = 70
 
 
-class Board:
+class Board(chart.Board):
     """Diagram of a number grid with contours (left) and meshes of two adjacent cubes (right)."""
 
     INPUTS: ClassVar[dict[str, Input]] = {
@@ -43,9 +43,7 @@ class Board:
         "rule": choice(RULES, 1),
     }
     NUMBERS: ClassVar[dict[str, str]] = {"ponds": "-", "ambiguous": "-", "open_edges": "-"}
-
-    def __init__(self) -> None:
-        self.chart = chart.Chart(self._prepare, flat=False)
+    SOLID = True
 
     def numbers(self, values: dict[str, float]) -> dict[str, float]:
         """Returns the number of ponds (connected water on the grid), of ambiguous cells (opposite
@@ -58,8 +56,7 @@ class Board:
             "open_edges": float(len(open_edges(pair_mesh(values["rule"] > 1.5)))),
         }
 
-    @staticmethod
-    def _prepare(axes: list[Any]) -> None:
+    def prepare(self, axes: list[Any]) -> None:
         """Draws two cubes with their corners."""
         from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
@@ -78,8 +75,8 @@ class Board:
         right.view_init(elev=24, azim=-58)
         right.set_axis_off()
 
-    def draw(self, values: dict[str, float], size: tuple[int, int]) -> np.ndarray:
-        left, right = self.chart.begin(size)
+    def paint(self, axes: list[Any], values: dict[str, float]) -> None:
+        left, right = axes
         inside = _inside(values)
         rows, columns = NUMBERS.shape
         for i, j in _ambiguous(inside):
@@ -99,7 +96,6 @@ class Board:
         by_face = values["rule"] > 1.5
         self._draw_pair(right, by_face)
         right.set_title(f"rule: {RULES[by_face]}, {numbers['open_edges']:.0f} open edges")
-        return self.chart.finish()
 
     @staticmethod
     def _draw_pair(ax, by_face: bool) -> None:

@@ -40,7 +40,7 @@ def sampled(r: np.ndarray, h: float) -> np.ndarray:
     return w
 
 
-class Board:
+class Board(chart.Board):
     """Diagram of particles on a disturbed lattice (left) and of kernels (right), in spacings d."""
 
     INPUTS: ClassVar[dict[str, Input]] = {
@@ -49,12 +49,13 @@ class Board:
         "disorder": Input("d", 0.05, 0.0, 0.5),
     }
     NUMBERS: ClassVar[dict[str, str]] = {"neighbours": "-", "density_error": "%"}
+    PANELS = (3, 5)
 
     def __init__(self) -> None:
+        super().__init__()
         axis = np.arange(-LATTICE, LATTICE + 1)
         self.lattice = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
         self.shifts = np.random.default_rng(SEED).uniform(-1.0, 1.0, self.lattice.shape)
-        self.chart = chart.Chart(self._prepare, (3, 5))
         self.known: dict[tuple[float, ...], dict[str, float]] = {}
 
     def _places(self, disorder: float) -> np.ndarray:
@@ -80,7 +81,7 @@ class Board:
             "density_error": 100.0 * float(np.sqrt(((sums - 1.0) ** 2).mean())),
         }
 
-    def _prepare(self, axes: list[Any]) -> None:
+    def prepare(self, axes: list[Any]) -> None:
         from matplotlib.lines import Line2D
 
         left, right = axes
@@ -88,9 +89,9 @@ class Board:
         right.set(xlim=(0, 4), xlabel="distance r [spacings d]", ylabel="weight W(r, h)")
         chart.legend(right, [Line2D([], [], label=NAMES[k], **_line(k)) for k in range(len(NAMES))])
 
-    def draw(self, values: dict[str, float], size: tuple[int, int]) -> np.ndarray:
+    def paint(self, axes: list[Any], values: dict[str, float]) -> None:
+        left, right = axes
         support, chosen = values["support"], round(values["kernel"]) - 1
-        left, right = self.chart.begin(size)
         x = self._places(values["disorder"])
         x = x[self.lattice[:, 2] == 0]
         r = np.linalg.norm(x, axis=1)
@@ -110,7 +111,6 @@ class Board:
             f"{DENSITY[chosen]}: {numbers['neighbours']:.0f} neighbours, density error "
             f"{numbers['density_error']:.2f} %"
         )
-        return self.chart.finish()
 
 
 def _line(k: int, chosen: bool = False) -> dict[str, Any]:

@@ -2,16 +2,17 @@
 
 from typing import Any, ClassVar
 
-import numpy as np
-
 from msph.lesson import chart
 from msph.lesson.boards import Input, choice
 from msph.options import AS_GIVEN, QUALITIES
 from msph.scene.library import shipped_scenes
 from msph.scene.quality import costs
 
+# Measured costs by scene and quality.
+COSTS = {name: steps for name in shipped_scenes() if (steps := costs(name))}
 
-class Board:
+
+class Board(chart.Board):
     """Diagram of errors of the centre of mass against a finer run [% of the water's depth] over the
     elapsed time per simulated second, as measured in bench/results/quality.md."""
 
@@ -21,27 +22,22 @@ class Board:
         "particles": "-",
         "best": "-",
     }
-
-    def __init__(self) -> None:
-        found = {name: costs(name) for name in shipped_scenes()}
-        self.costs: dict[str, Any] = {name: steps for name, steps in found.items() if steps}
-        scenes = tuple(name.replace("_", " ") for name in self.costs)
-        self.INPUTS = {
-            "scene": choice(scenes),
-            "quality": choice(QUALITIES, QUALITIES.index(AS_GIVEN)),
-            "budget": Input("s/s", 1.0, 0.01, 100.0),
-        }
-        self.chart = chart.Chart(self._prepare, (1,))
+    INPUTS: ClassVar[dict[str, Input]] = {
+        "scene": choice(tuple(name.replace("_", " ") for name in COSTS)),
+        "quality": choice(QUALITIES, QUALITIES.index(AS_GIVEN)),
+        "budget": Input("s/s", 1.0, 0.01, 100.0),
+    }
+    PANELS = (1,)
 
     def _chosen(self, values: dict[str, float]) -> tuple[str, str]:
-        name = list(self.costs)[round(values["scene"]) - 1]
+        name = list(COSTS)[round(values["scene"]) - 1]
         return name, QUALITIES[round(values["quality"]) - 1]
 
     def numbers(self, values: dict[str, float]) -> dict[str, float]:
         """Returns the numbers of the chosen scene and quality; best: 1 if its error is the smallest
         within the budget, otherwise 0."""
         name, quality = self._chosen(values)
-        steps = self.costs[name]
+        steps = COSTS[name]
         within = [s for s in steps.values() if s.slowest <= values["budget"]]
         own = steps[quality]
         best = bool(within) and own == min(within, key=lambda s: s.error)
@@ -52,8 +48,7 @@ class Board:
             "best": float(best),
         }
 
-    @staticmethod
-    def _prepare(axes: list[Any]) -> None:
+    def prepare(self, axes: list[Any]) -> None:
         (ax,) = axes
         ax.set(xscale="log", yscale="log", xlim=(0.02, 30.0), ylim=(0.01, 60.0))
         ax.minorticks_off()
@@ -62,10 +57,10 @@ class Board:
         ax.set_xlabel("largest elapsed time per simulated second [s]")
         ax.set_ylabel("error [% of depth]")
 
-    def draw(self, values: dict[str, float], size: tuple[int, int]) -> np.ndarray:
-        (ax,) = self.chart.begin(size)
+    def paint(self, axes: list[Any], values: dict[str, float]) -> None:
+        (ax,) = axes
         chosen, quality = self._chosen(values)
-        for name, steps in self.costs.items():
+        for name, steps in COSTS.items():
             own = name == chosen
             x, y = ([getattr(s, k) for s in steps.values()] for k in ("slowest", "error"))
             y = [100.0 * e for e in y]
@@ -83,4 +78,3 @@ class Board:
         ax.set_title(
             f"{chosen.replace('_', ' ')}, {quality}: {numbers['particles']:,.0f} particles"
         )
-        return self.chart.finish()

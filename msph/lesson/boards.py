@@ -1,7 +1,7 @@
 """Boards: diagrams with numbers that depend on a lesson's sliders, used without a simulation."""
 
 import importlib
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 # Module of each board's class Board, by name.
 MODULES = {
@@ -29,19 +29,6 @@ class Input(NamedTuple):
 def choice(names: tuple[str, ...], start: int = 0) -> Input:
     """Returns the input that selects one of these names, counted from 1; start: index from 0."""
     return Input("-", start + 1.0, 1.0, float(len(names)), names)
-
-
-class Board(Protocol):
-    """A board. INPUTS: inputs by slider name. NUMBERS: units of its numbers, by name."""
-
-    INPUTS: dict[str, Input]
-    NUMBERS: dict[str, str]
-
-    def draw(self, values: dict[str, float], size: tuple[int, int]) -> Any:
-        """Returns the diagram for the inputs: (height, width, 3) uint8, first row at the top."""
-
-    def numbers(self, values: dict[str, float]) -> dict[str, float]:
-        """Returns the numbers for the inputs."""
 
 
 def board_of(name: str) -> Any:

@@ -1,10 +1,11 @@
-"""Style of boards: colours, text size, and a figure that is drawn many times."""
+"""Base of boards: style, and a figure that is drawn many times."""
 
-from collections.abc import Callable
-from typing import Any
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar
 
 import numpy as np
 
+from msph.lesson.boards import Input
 from msph.lesson.typeset import pyplot
 
 # Colours on a dark background, distinguishable with colour blindness (Okabe and Ito 2008).
@@ -16,38 +17,45 @@ DPI = 100
 TEXT, MIN_TEXT = 1.0 / 28.0, 18
 
 
-class Chart:
-    """Figure with axes side by side, of relative widths `panels`; flat: False gives the last axes a
-    third dimension.
+class Board(ABC):
+    """Diagram with numbers. INPUTS: inputs by slider name; NUMBERS: units of its numbers, by name.
+    PANELS: relative widths of its axes, side by side; SOLID: True if the last has three dimensions.
 
-    Layout and ticks take most of the time of a drawing, so they are found once per size. prepare
-    is called with the axes before the layout, and draws the parts that all images share.
+    Layout and ticks take most of the time of a drawing, so they are found once per size.
     """
 
-    def __init__(
-        self,
-        prepare: Callable[[list[Any]], None],
-        panels: tuple[int, ...] = (1, 1),
-        flat: bool = True,
-    ):
-        self.prepare, self.panels, self.flat = prepare, panels, flat
+    INPUTS: ClassVar[dict[str, Input]]
+    NUMBERS: ClassVar[dict[str, str]]
+    PANELS: ClassVar[tuple[int, ...]] = (1, 1)
+    SOLID: ClassVar[bool] = False
+
+    def __init__(self) -> None:
         self.size: tuple[int, int] | None = None
         self.drawing: Any = None
         self.common: list[set[Any]] = []  # artists of each axes that all images share
 
-    def begin(self, size: tuple[int, int]) -> list[Any]:
-        """Returns the axes of an image of size (width, height) [pixels], without the artists that
-        were added to the last image."""
+    @abstractmethod
+    def numbers(self, values: dict[str, float]) -> dict[str, float]:
+        """Returns the numbers for the inputs."""
+
+    @abstractmethod
+    def prepare(self, axes: list[Any]) -> None:
+        """Draws the parts that all images share."""
+
+    @abstractmethod
+    def paint(self, axes: list[Any], values: dict[str, float]) -> None:
+        """Draws the parts that depend on the inputs."""
+
+    def draw(self, values: dict[str, float], size: tuple[int, int]) -> np.ndarray:
+        """Returns the diagram for the inputs, of size (width, height) [pixels]: (height, width, 3)
+        uint8, first row at the top."""
         if size != self.size:
             with pyplot().rc_context(style(size)):
                 self._build(size)
         for ax, common in zip(self.drawing.axes, self.common, strict=True):
             for artist in set(ax.get_children()) - common:
                 artist.remove()
-        return self.drawing.axes
-
-    def finish(self) -> np.ndarray:
-        """Returns the image (height, width, 3) uint8, first row at the top."""
+        self.paint(self.drawing.axes, values)
         self.drawing.canvas.draw()
         return np.asarray(self.drawing.canvas.buffer_rgba())[..., :3].copy()
 
@@ -57,10 +65,10 @@ class Chart:
             plt.close(self.drawing)
         self.size = size
         self.drawing = plt.figure(figsize=(size[0] / DPI, size[1] / DPI), dpi=DPI)
-        grid = self.drawing.add_gridspec(1, len(self.panels), width_ratios=self.panels)
-        last = len(self.panels) - 1
-        for k in range(len(self.panels)):
-            kind = None if self.flat or k < last else "3d"
+        grid = self.drawing.add_gridspec(1, len(self.PANELS), width_ratios=self.PANELS)
+        last = len(self.PANELS) - 1
+        for k in range(len(self.PANELS)):
+            kind = "3d" if self.SOLID and k == last else None
             self.drawing.add_subplot(grid[0, k], projection=kind)
         self.prepare(self.drawing.axes)
         for ax in self.drawing.axes:

@@ -62,8 +62,8 @@ def test_a_drawing_reuses_its_layout_and_keeps_no_old_content():
         values = {name: given.start for name, given in board.INPUTS.items()}
         board.draw(values, (480, 200))
         first = board.draw(values, (480, 200))
-        drawing, number = board.chart.drawing, len(board.chart.drawing.findobj())
+        drawing, number = board.drawing, len(board.drawing.findobj())
         moved = values | {name: given.lo for name, given in board.INPUTS.items()}
         assert np.any(board.draw(moved, (480, 200)) != first)
         assert np.array_equal(board.draw(values, (480, 200)), first)
-        assert board.chart.drawing is drawing and len(drawing.findobj()) == number
+        assert board.drawing is drawing and len(drawing.findobj()) == number
