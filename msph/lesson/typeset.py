@@ -39,27 +39,23 @@ def check_formula(formula: str) -> None:
 def pixels(formula: str, height: int, colour: str) -> np.ndarray:
     """Returns a formula as RGBA (rows, columns, 4) uint8, first row at the top; height of its text
     [pixels]."""
-    plt = pyplot()
-    figure = plt.figure(figsize=(0.01, 0.01), dpi=100)
-    figure.text(0, 0, f"${formula}$", fontsize=0.72 * height, color=colour)
-    file = io.BytesIO()
-    figure.savefig(file, format="png", transparent=True, bbox_inches="tight", pad_inches=0.04)
-    plt.close(figure)
     from PIL import Image
 
-    file.seek(0)
-    return np.asarray(Image.open(file).convert("RGBA"))
+    content = _drawn(formula, 0.72 * height, colour, format="png", pad_inches=0.04)
+    return np.asarray(Image.open(io.BytesIO(content)).convert("RGBA"))
 
 
 def svg(formula: str) -> str:
     """Returns a formula as an <svg> element with its text as outlines."""
-    plt = pyplot()
-    figure = plt.figure(figsize=(0.01, 0.01))
-    figure.text(0, 0, f"${formula}$", fontsize=18)
-    file = io.StringIO()
-    figure.savefig(
-        file, format="svg", transparent=True, bbox_inches="tight", metadata={"Date": None}
-    )
-    plt.close(figure)
-    text = file.getvalue()
+    text = _drawn(formula, 18, "black", format="svg", metadata={"Date": None}).decode()
     return text[text.index("<svg") :]
+
+
+def _drawn(formula: str, size: float, colour: str, **options: Any) -> bytes:
+    """Returns the image file of a formula; size of its text [points], options of savefig."""
+    plt, file = pyplot(), io.BytesIO()
+    figure = plt.figure(figsize=(0.01, 0.01), dpi=100)
+    figure.text(0, 0, f"${formula}$", fontsize=size, color=colour)
+    figure.savefig(file, transparent=True, bbox_inches="tight", **options)
+    plt.close(figure)
+    return file.getvalue()

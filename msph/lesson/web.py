@@ -42,8 +42,7 @@ def write(course: Course, folder: Path, force: bool = False) -> list[Path]:
     """Writes the page NAME.html, which shows the solution of each task. Returns its path."""
     path = folder / f"{course.name}.html"
     claim([path], force)
-    tasks = on_board(course) if course.lesson.board else in_water(course)
-    replace(path, page(course, tasks))
+    replace(path, page(course, tasks_of(course)))
     return [path]
 
 
@@ -77,39 +76,25 @@ def in_script(data: Any) -> str:
     return json.dumps(data).replace("<", "\\u003c")
 
 
-def in_water(course: Course) -> list[str]:
-    """Returns the HTML of each task with a video of its solution."""
-    row = prepare_row(Order(course.scenes, course.labels), SIZE)
-    progress, frames = LessonProgress(course, row), list[np.ndarray]()
-    count = 0
+def tasks_of(course: Course) -> list[str]:
+    """Returns the HTML of each task: with a video of its solution, or with the board at positions
+    of the sliders that its solution moves."""
+    row = None if course.lesson.board else prepare_row(Order(course.scenes, course.labels), SIZE)
+    progress, frames, count = LessonProgress(course, row), list[np.ndarray](), itertools.count()
 
     def see() -> None:
-        nonlocal count
-        if count % SKIP == 0:
+        if row is not None and next(count) % SKIP == 0:
             frames.append(row.to_numpy_u8())
-        count += 1
 
     student, parts = Student(progress, row, see, LINGERS), []
     student.answer()
-    for k in range(len(course.lesson.do)):
-        frames.clear()
-        rehearse(student)
-        shown = f'<video controls loop muted playsinline src="{video(frames)}"></video>'
-        parts.append(part(progress, k, shown, progress.reached[k]))
-        progress.go(1)
-    return parts
-
-
-def on_board(course: Course) -> list[str]:
-    """Returns the HTML of each task with the board at positions of the sliders that its solution
-    moves."""
-    progress, parts = LessonProgress(course, None), []
-    student = Student(progress, None)
-    student.answer()
     for k, task in enumerate(course.lesson.do):
-        sliders = [s for s in course.lesson.slider if s.name in task.solution.set]
-        shown = flipbook(progress, sliders)
+        frames.clear()
+        moved = [s for s in course.lesson.slider if s.name in task.solution.set]
+        shown = flipbook(progress, moved) if row is None else ""
         rehearse(student)
+        if row is not None:
+            shown = f'<video controls loop muted playsinline src="{video(frames)}"></video>'
         parts.append(part(progress, k, shown, progress.reached[k]))
         progress.go(1)
     return parts

@@ -55,7 +55,7 @@ def test_tasks_of_a_page_can_be_completed_with_its_sliders(name, monkeypatch):
     """Regression: a page asked for a scene but had a slider for the quality only."""
     monkeypatch.setattr(web, "SIZE", (480, 200))
     course = load_lesson(name)
-    for task, part in zip(course.lesson.do, web.on_board(course), strict=True):
+    for task, part in zip(course.lesson.do, web.tasks_of(course), strict=True):
         sliders = re.findall(r'<label>(\w+) .*? max="(\d+)" value="(\d+)"', part)
         frames = json.loads(re.search(r'json">(.*?)</script>', part, re.DOTALL)[1])
         assert {slider for slider, *_ in sliders} == set(task.solution.set)
