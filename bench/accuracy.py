@@ -56,8 +56,8 @@ def still(kind: str, seed: int) -> dict[str, float]:
     """Returns the figures of water that should remain at rest."""
     layers, changes = WATERS[kind]
     footprint = (10 * FINE, 10 * FINE)
-    scene = tanks.tank(footprint, SPACINGS_DEEP * FINE, FINE, layers, seed=seed, **changes)
-    sim = tanks.build(scene)
+    depth = SPACINGS_DEEP * FINE
+    sim = tanks.build(tanks.tank(footprint, depth, FINE, layers, seed=seed, adaptation=changes))
     reading = tanks.Reading(sim)
     reading.read()
     tanks.run(sim, 1.0, reading)
@@ -83,7 +83,7 @@ def still(kind: str, seed: int) -> dict[str, float]:
 def duct(spacings: int, kind: str, seed: int) -> dict[str, float]:
     """Returns the figures of viscous water that falls in a square duct without slip."""
     layers, changes = WATERS[kind]
-    sim = tanks.build(tanks.duct(EDGE, spacings, VISCOSITY, layers, seed, **changes))
+    sim = tanks.build(tanks.duct(EDGE, spacings, VISCOSITY, layers, seed=seed, adaptation=changes))
     tanks.run(sim, DUCT_BEGIN)
     water = Ours(sim)
     bottom, top = tanks.DUCT_WATER

@@ -1,6 +1,7 @@
 """Inflows and outflows against theory."""
 
 import math
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -71,63 +72,61 @@ def through_slit(seed: int) -> dict[str, float]:
     """Returns the errors of a tank that empties through a slit in its floor."""
     middle = 0.5 * LENGTH
     hole = {"lo": [middle - SLIT / 2, 0, 0], "hi": [middle + SLIT / 2, 0, SLIT]}
-    scene = tanks.tank((LENGTH, SLIT), DEEP, FINE, 1, seed=seed)
-    return drained(scene, hole, SLIT, SLIT**2, CONTRACTION, ALONG_JET)
+    tank = partial(tanks.tank, (LENGTH, SLIT), DEEP, FINE, 1, seed=seed)
+    return drained(tank, hole, SLIT, CONTRACTION * SLIT**2, ALONG_JET)
 
 
 def through_hole(spacing: float, square: bool, seed: int) -> dict[str, float]:
     """Returns the errors of a tank that empties through a round or square hole in its floor."""
     middle, discharge = 0.5 * VESSEL, round_discharge(0.65 * VESSEL, 2.0 * HOLE)
     hole: dict[str, Any] = {"centre": [middle, 0, middle], "radius": HOLE}
+    area = discharge * math.pi * HOLE**2
     if square:
         lo, hi = middle - HOLE, middle + HOLE
-        hole, discharge = {"lo": [lo, 0, lo], "hi": [hi, 0, hi]}, SQUARE * discharge
-    scene = tanks.tank((VESSEL, VESSEL), VESSEL, spacing, 1, seed=seed)
-    area = 4.0 * HOLE**2 if square else math.pi * HOLE**2
-    return drained(scene, hole, 2.0 * HOLE, area, discharge)
+        hole, area = {"lo": [lo, 0, lo], "hi": [hi, 0, hi]}, SQUARE * discharge * 4.0 * HOLE**2
+    tank = partial(tanks.tank, (VESSEL, VESSEL), VESSEL, spacing, 1, seed=seed)
+    return drained(tank, hole, 2.0 * HOLE, area)
 
 
 def drained(
-    scene: Scene,
+    tank: Callable[..., Scene],
     hole: dict[str, Any],
     width: float,
     area: float,
-    discharge: float,
     along: tuple[float, ...] = (),
 ) -> dict[str, float]:
-    """Returns the errors of a tank that empties through a hole of this width [m] and area [m^2]:
-    mean speed of the jet over sqrt(2 g h), h the height of the level above the particles; its area
-    over that of a jet of this speed with the coefficient of discharge; and draining time over
-    theory with this coefficient (-). Distances `along` the jet over the width: its area there over
-    plane_contraction()."""
-    sim = tanks.build(scene, outflows=[hole], duration=30.0)
-    spec, tank = sim.layers.specs[0], sim.size[0] * sim.size[2]
+    """Returns the errors of a tank that empties through a hole of this width [m], whose contracted
+    jet has this area [m^2] by theory: mean speed of the jet over sqrt(2 g h), h the height of the
+    level above the particles; its area and the draining time over theory (-). Distances `along` the
+    jet of a slit over its width: area there over plane_contraction()."""
+    sim = tanks.build(tank(outflows=[hole], duration=30.0))
+    spec, surface = sim.layers.specs[0], sim.size[0] * sim.size[2]
     levels, times, ratios, areas = [], [], [], []
     shape: dict[float, list[float]] = {share: [] for share in along}
-    full = len(inside(sim)) * spec.volume / tank
+    full = len(inside(sim)) * spec.volume / surface
     begin, below, deep = LEVELS[0] * full, BELOW * width, 2.0 * spec.spacing
     while not levels or levels[-1] > LEVELS[1] * full:
         sim.advance(tanks.FRAME, STILL)
         x, v = sim.particles.numpy("x"), sim.particles.numpy("v")
-        level = len(inside(sim)) * spec.volume / tank
+        level = len(inside(sim)) * spec.volume / surface
         levels.append(level)
         times.append(sim.time)
         jet = (x[:, 1] < -below) & (x[:, 1] > -below - deep)
         if level < begin and jet.any():
             fall = np.sqrt(2.0 * tanks.GRAVITY * (level - x[jet, 1]))
             ratios.append(float((np.linalg.norm(v[jet], axis=1) / fall).mean()))
-            contracted = discharge * area * math.sqrt(level / (level + below + 0.5 * deep))
+            contracted = area * math.sqrt(level / (level + below + 0.5 * deep))
             areas.append(jet.sum() * spec.volume / deep / contracted)
             for share, found in shape.items():
                 depth = share * width
                 near = np.abs(x[:, 1] + depth) < spec.spacing
                 slower = math.sqrt(level / (level + depth))
                 wide = near.sum() * spec.volume / (2.0 * spec.spacing)
-                found.append(wide / (plane_contraction(share) * area * slower))
+                found.append(wide / (plane_contraction(share) * area / CONTRACTION * slower))
     ends = [begin, LEVELS[1] * full]
     taken = np.interp([-h for h in ends], [-h for h in levels], times)
     fall = math.sqrt(ends[0]) - math.sqrt(ends[1])
-    theory = tank / (discharge * area) * math.sqrt(2.0 / tanks.GRAVITY) * fall
+    theory = surface / area * math.sqrt(2.0 / tanks.GRAVITY) * fall
     sim.close()
     return {
         "speed / sqrt(2 g h) - 1": float(np.mean(ratios)) - 1.0,
@@ -150,12 +149,9 @@ def through_flow(seed: int) -> dict[str, float]:
     the time between two sheets of the spring, each of which is 1.5 % of the mass."""
     flow = {"radius": RADIUS, "speed": SPEED}
     corners = ([0.08, 0, 0.08], [0.22, 0, 0.22])
-    sim = tanks.build(
-        tanks.tank((EDGE, EDGE), DEPTH, SPACING, 1, seed=seed),
-        inflows=[{"centre": corners[0], **flow}],
-        outflows=[{"centre": corners[1], **flow}],
-        duration=30.0,
-    )
+    spring, pump = ({"centre": corner, **flow} for corner in corners)
+    more = {"inflows": [spring], "outflows": [pump], "seed": seed, "duration": 30.0}
+    sim = tanks.build(tanks.tank((EDGE, EDGE), DEPTH, SPACING, 1, **more))
     masses, levels = [], []
     for _ in range(round(30.0 / tanks.FRAME)):
         sim.advance(tanks.FRAME, STILL)
@@ -183,10 +179,10 @@ def jet(seed: int) -> dict[str, float]:
     pressure p there does not vanish. By linear theory p is harmonic, 0 at the surface of the jet,
     and dp/dy = -rho g at the cross-section; its mean there, which adds to the head, is
     rho g R sum 4/z^3."""
-    corner = {"layer": 0, "lo": [0, 0, 0], "hi": [0.1, 0.025, 0.6]}
-    scene = tanks.tank((0.6, 0.6), 0.025, FINE, 1, air=0.9, seed=seed)
+    corner = {"lo": [0, 0, 0], "hi": [0.1, 0.025, 0.6]}
     spring = {"centre": [0.35, 0, 0.3], "radius": JET_RADIUS, "speed": JET_SPEED}
-    sim = tanks.build(scene, water=[corner], inflows=[spring], duration=0.6)
+    more = {"inflows": [spring], "seed": seed, "duration": 0.6}
+    sim = tanks.build(tanks.scene((0.6, 0.925, 0.6), FINE, 1, [corner], **more))
     highest: dict[int, float] = {}
     heads = []
     started = set(sim.particles.numpy("id")[sim.particles.numpy("x")[:, 1] > 0.0].tolist())
@@ -219,17 +215,15 @@ def on_plate(angle: float, seed: int) -> dict[str, float]:
     lo, hi = edge / 2 - PLATE * JET_RADIUS, edge / 2 + PLATE * JET_RADIUS
     plate = {"lo": [begin, lo, lo], "hi": [begin + 2.5 * JET_RADIUS, hi, hi]}
     jet = {"centre": [0, edge / 2, edge / 2], "radius": JET_RADIUS, "speed": JET_SPEED}
-    scene = {
+    more = {
         "gravity": [0, 0, 0],
         "seed": seed,
         "box": {"size": [edge] * 3, "open": True},
-        "layers": [{"spacing": spacing}],
-        # The least water that a scene may have.
-        "water": [{"layer": 0, "lo": [0, 0, 0], "hi": [spacing] * 3}],
         "inflows": [jet],
         "bodies": [plate | {"angle": str(angle), "axis": [0, 0, 1]}],
     }
-    sim, way = tanks.build(Scene.model_validate(scene)), begin / JET_SPEED
+    least = {"lo": [0, 0, 0], "hi": [spacing] * 3}  # a scene must have water
+    sim, way = tanks.build(tanks.scene([edge] * 3, spacing, 1, [least], **more)), begin / JET_SPEED
     impulses = []
     for until in HITTING:
         while sim.time < until * way:
@@ -248,8 +242,8 @@ def filling(seed: int) -> dict[str, float]:
     """Returns the error of the level in a basin that a spring fills from 0.1 to 0.2 m: twice the
     mean height over the level by rate and time, mean of the last 0.5 s."""
     spring = {"centre": [0.15, 0, 0.15], "radius": RADIUS, "speed": SPEED}
-    scene = tanks.tank((EDGE, EDGE), 0.1, SPACING, 1, seed=seed)
-    sim = tanks.build(scene, inflows=[spring], duration=5.0)
+    more = {"inflows": [spring], "seed": seed, "duration": 5.0}
+    sim = tanks.build(tanks.tank((EDGE, EDGE), 0.1, SPACING, 1, **more))
     begin = 2.0 * float(inside(sim).mean())
     errors, rate = [], math.pi * RADIUS**2 * SPEED / EDGE**2
     while sim.time < 0.1 / rate:

@@ -13,7 +13,6 @@ from msph.fluid.boundary.rigid_bodies import volume
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.simulation import Simulation
 from msph.measure.ledger import Ledger
-from msph.scene.schema import Scene
 
 # Simulated times of drafts, of cubes that turn and of hard cases [s]. A floating body bobs until
 # the end: drafts are means over the last BOBS [s], about five periods.
@@ -38,15 +37,13 @@ CAPACITY = 400_000
 HELD = 1.5
 
 
-def build(layers: int, bodies: list[dict], seed: int, fine: float = FINE, **scene: Any) -> Any:
+def build(layers: int, bodies: list[dict], seed: int, fine: float = FINE) -> Simulation:
     """Returns a simulation of a tank of still water with bodies."""
-    size = scene.pop("size", (EDGE, EDGE)), scene.pop("depth", DEPTH)
-    tank = tanks.tank(*size, fine, layers, air=0.4, seed=seed)
-    return tanks.build(tank, bodies=bodies, **scene)
+    return tanks.build(tanks.tank((EDGE, EDGE), DEPTH, fine, layers, 0.4, seed=seed, bodies=bodies))
 
 
 def run(
-    sim: Any, seconds: float, gravity: float = tanks.GRAVITY
+    sim: Simulation, seconds: float, gravity: float = tanks.GRAVITY
 ) -> tuple[Ledger, np.ndarray, np.ndarray]:
     """Runs a simulation; returns the ledger, and the positions [m] and rotation matrices of the
     floating bodies after each frame, (frames, bodies, 3) and (frames, bodies, 3, 3)."""
@@ -60,7 +57,7 @@ def run(
     return ledger, np.array(places), np.array(turns)
 
 
-def water_volume(sim: Any) -> float:
+def water_volume(sim: Simulation) -> float:
     """Returns the volume of the water at rest [m^3]."""
     specs = sim.layers.specs
     return sum(n * s.mass / s.density for n, s in zip(sim.counts(), specs, strict=True))
@@ -124,11 +121,10 @@ def heave(
         lambda d: math.pi * d**2 * (RADIUS - d / 3.0) * KRAMER_WATER - MASS, 0, 2 * RADIUS
     )
     options: dict[str, Any] = {
+        "seed": seed,
         "density": KRAMER_WATER,
-        "size": (width, width),
-        "depth": DEEP,
         "projection": {"shear_relief": relief},
-        "adaptation": {"enabled": layers > 1, "capacity": CAPACITY},
+        "adaptation": {"capacity": CAPACITY},
     }
     external, full = ExternalForces((0.0, -KRAMER_GRAVITY, 0.0)), DEEP + RADIUS - draft
 
@@ -136,7 +132,9 @@ def heave(
         """Returns the tank with the ball at a height [m], and the height [m] at which the volume of
         the water lets it float: water inside the ball at the start is omitted."""
         ball = {"centre": [0.5 * width, height, 0.5 * width], "radius": RADIUS, "mass": MASS}
-        sim = build(layers, [ball | {"release": HELD}], seed, fine, **options)
+        bodies = [ball | {"release": HELD}]
+        tank = tanks.tank((width, width), DEEP, fine, layers, 0.4, bodies=bodies, **options)
+        sim = tanks.build(tank)
         return sim, (water_volume(sim) + MASS / KRAMER_WATER) / width**2 + RADIUS - draft
 
     sim, rest = held(full)
@@ -176,15 +174,11 @@ def first_period(t: np.ndarray, z: np.ndarray) -> tuple[float, float]:
 def collision(density: float, seed: int) -> dict[str, float]:
     """Returns the figures of water and a spinning cube that collide without gravity."""
     cube = {"lo": [0.62, 0.45, 0.48], "hi": [0.72, 0.55, 0.58], "density": density}
-    scene = {
-        "seed": seed,
-        "box": {"size": [1, 1, 1]},
-        "layers": [{"spacing": FINE}],
-        "water": [{"centre": [0.35, 0.5, 0.5], "radius": 0.15, "velocity": [1, 0, 0]}],
-        "bodies": [{**cube, "velocity": [-0.5, 0, 0], "spin": 50}],
-    }
+    water = {"centre": [0.35, 0.5, 0.5], "radius": 0.15, "velocity": [1, 0, 0]}
+    bodies = [{**cube, "velocity": [-0.5, 0, 0], "spin": 50}]
+    scene = tanks.scene((1, 1, 1), FINE, 1, [water], seed=seed, bodies=bodies)
     # After 0.32 s water reaches walls of the box, to which it gives momentum.
-    ledger, _, _ = run(tanks.build(Scene.model_validate(scene)), 0.3, gravity=0.0)
+    ledger, _, _ = run(tanks.build(scene), 0.3, gravity=0.0)
     first, last = ledger.entries[0], ledger.entries[-1]
     momentum = last.momentum + last.floating_momentum - first.momentum - first.floating_momentum
     angular = last.angular_momentum + last.floating_angular_momentum

@@ -32,8 +32,9 @@ TIMED = [
     ("hydrostatic", UNIFORM, 12),
     ("hydrostatic", ADAPTIVE, 20),
 ]
-# Towed ball: tank and depth [m], radius [m], start [m], speeds [m/s], spacing [m]: 3.3 spacings.
-TANK, WATER, RADIUS, FROM, SPEEDS, SPACING = (1.8, 0.7, 0.6), 0.5, 0.1, 0.3, (0.5, 1.0), 0.03
+# Towed ball: footprint of the tank, depth and air [m], radius, start, spacing [m]; speeds [m/s].
+FOOTPRINT, WATER, AIR, RADIUS, FROM, SPACING = (1.8, 0.6), 0.5, 0.2, 0.1, 0.3, 0.03
+SPEEDS = (0.5, 1.0)
 # Distances between which the force is measured [m]: after the start, before the far wall.
 MEASURED = (0.4, 0.9)
 
@@ -43,8 +44,8 @@ def wave(
 ) -> dict[str, float]:
     """Returns the logarithmic decrement per period of the first mode (theory: 0) and the error of
     its period (-), from the centre of mass."""
-    scene = tanks.tank((LENGTH, WIDTH), DEPTH, DEPTH / spacings, layers, air=0.1, seed=seed)
-    sim = tanks.build(scene, projection={"shear_relief": relief})
+    more = {"seed": seed, "projection": {"shear_relief": relief}}
+    sim = tanks.build(tanks.tank((LENGTH, WIDTH), DEPTH, DEPTH / spacings, layers, 0.1, **more))
     tanks.run(sim, SETTLE)
     tanks.slosh(sim, DEPTH, amplitude * DEPTH)
     theory, reading = tanks.slosh_period(LENGTH, DEPTH), tanks.Reading(sim)
@@ -84,10 +85,10 @@ def in_turn(case: str, water: str, resolution: int, seed: int) -> list[dict[str,
 
 def tow(speed: float, layers: int, relief: float, seed: int) -> dict[str, float]:
     """Returns the drag coefficient of a submerged ball towed at `speed` [m/s]."""
-    scene = tanks.tank((TANK[0], TANK[2]), WATER, SPACING, layers, air=TANK[1] - WATER, seed=seed)
-    ball = {"centre": [FROM, 0.5 * WATER, 0.5 * TANK[2]], "radius": RADIUS}
-    towed = [ball | {"velocity": [speed, 0.0, 0.0]}]
-    sim = tanks.build(scene, bodies=towed, projection={"shear_relief": relief})
+    ball = {"centre": [FROM, 0.5 * WATER, 0.5 * FOOTPRINT[1]], "radius": RADIUS}
+    towed = ball | {"velocity": [speed, 0.0, 0.0]}
+    more = {"seed": seed, "bodies": [towed], "projection": {"shear_relief": relief}}
+    sim = tanks.build(tanks.tank(FOOTPRINT, WATER, SPACING, layers, AIR, **more))
     begin = end = impulse = math.nan
     while speed * sim.time < MEASURED[1]:
         tanks.run(sim, tanks.FRAME)

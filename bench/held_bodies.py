@@ -13,7 +13,6 @@ from bench import tanks
 from msph.fluid.external_forces import ExternalForces
 from msph.measure.ledger import Ledger
 from msph.measure.snapshot import Snapshot
-from msph.scene.schema import Scene
 
 # Simulated time of runs to rest or past a ball [s], and the share of it in which the water settles
 # before the measurement.
@@ -50,8 +49,8 @@ WEIGHT = "force over displaced weight"
 
 def still_water(bodies: list[dict[str, Any]], layers: int, seed: int = 0) -> Any:
     """Returns a simulation of a tank of still water with bodies."""
-    tank = tanks.tank((EDGE, EDGE), DEPTH, FINE, layers, air=0.15, seed=seed)
-    return tanks.build(tank, bodies=bodies)
+    tank = tanks.tank((EDGE, EDGE), DEPTH, FINE, layers, air=0.15, seed=seed, bodies=bodies)
+    return tanks.build(tank)
 
 
 def sphere(n: int) -> np.ndarray:
@@ -201,14 +200,8 @@ def collapse(ratio: float, seed: int) -> dict[str, float]:
     `ratio` spacings radius."""
     spacing = 0.03
     ball = {"centre": [0.4, 0.1, 0.35], "radius": ratio * spacing}
-    scene = {
-        "seed": seed,
-        "box": {"size": [EDGE, EDGE, EDGE]},
-        "layers": [{"spacing": spacing}],
-        "water": [{"lo": [0, 0, 0], "hi": [0.3, 0.4, EDGE]}],
-        "bodies": [ball],
-    }
-    sim = tanks.build(Scene.model_validate(scene))
+    water = {"lo": [0, 0, 0], "hi": [0.3, 0.4, EDGE]}
+    sim = tanks.build(tanks.scene([EDGE] * 3, spacing, 1, [water], seed=seed, bodies=[ball]))
     ledger = Ledger(sim)
     ledger.record(SLANTED)
     for _ in range(round(SECONDS / tanks.FRAME)):

@@ -16,7 +16,7 @@ from bench.tables import Bench, Table
 from msph.fluid.moving_box import MovingBox
 from msph.fluid.simulation import Simulation
 from msph.measure.ledger import Ledger
-from msph.measure.probes import build_probes
+from msph.measure.probes import HeightProbe, PressureProbe
 from msph.measure.snapshot import Snapshot
 from msph.scene.motion import box_path
 from msph.scene.schema import Scene
@@ -43,11 +43,10 @@ WINDOW, ROUNDS = 0.01, 10
 Read = Callable[[Simulation], None]
 
 
-def run(scene: dict[str, Any], seconds: float, read: Read, frame: float = tanks.FRAME) -> Ledger:
+def run(scene: Scene, seconds: float, read: Read, frame: float = tanks.FRAME) -> Ledger:
     """Runs a scene with its motions, and read() after each frame; returns the ledger."""
-    given = Scene.model_validate(scene)
-    sim, path = tanks.build(given), box_path(given)
-    box = partial(MovingBox, given.gravity, path)
+    sim = tanks.build(scene)
+    box = partial(MovingBox, scene.gravity, box_path(scene))
     return tanks.recorded(sim, seconds, box, lambda: read(sim), frame)
 
 
@@ -74,8 +73,9 @@ def surge(layers: int, seed: int) -> dict[str, float]:
     centre's displacement in each of three periods against linear theory."""
     depth, amplitude = ACROSS * SPACING, SURGE * LENGTH
     period = tanks.slosh_period(LENGTH, depth)
-    scene = tanks.tank((LENGTH, 4 * SPACING), depth, SPACING, layers, seed=seed).model_dump()
-    scene["motion"] = {"displacement": [f"{amplitude} * sin(2*pi*t/{period})", 0, 0]}
+    motion = {"displacement": [f"{amplitude} * sin(2*pi*t/{period})", 0, 0]}
+    footprint = LENGTH, 4 * SPACING
+    scene = tanks.tank(footprint, depth, SPACING, layers, seed=seed, motion=motion)
     ledger = run(scene, 3.02 * period, lambda sim: None)
     t = np.array([e.time for e in ledger.entries])
     x = np.array([e.centre[0] for e in ledger.entries]) - 0.5 * LENGTH
@@ -93,15 +93,17 @@ def rotating(layers: int, seed: int) -> dict[str, float]:
     radii = np.linspace(0.0, 0.85, 7)[:, None] * 0.5 * EDGE
     angles = np.arange(8) * math.pi / 4.0
     places = np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=-1).reshape(-1, 2)
-    scene = tanks.tank((EDGE, EDGE), DEPTH, FINE, layers, air=0.2, seed=seed).model_dump()
-    scene["motion"] = {"angle": f"{math.degrees(omega)} * t", "axis": [0, 1, 0]}
-    # Numerical friction brings the water to rest.
-    scene["projection"] |= {"shear_relief": 0.0}
-    scene["probes"] = [
-        {"name": f"h{k}", "kind": "height", "at": (place + 0.5 * EDGE).tolist()}
-        for k, place in enumerate(places)
-    ]
-    probes = build_probes(Scene.model_validate(scene))
+    scene = tanks.tank(
+        (EDGE, EDGE),
+        DEPTH,
+        FINE,
+        layers,
+        air=0.2,
+        seed=seed,
+        motion={"angle": f"{math.degrees(omega)} * t", "axis": [0, 1, 0]},
+        projection={"shear_relief": 0.0},  # numerical friction brings the water to rest
+    )
+    probes = [HeightProbe("", tuple(place)) for place in places + 0.5 * EDGE]
     heights: list[list[float]] = []
     last: list[np.ndarray] = []
 
@@ -132,8 +134,8 @@ def rotating(layers: int, seed: int) -> dict[str, float]:
 def free_fall(layers: int, seed: int) -> dict[str, float]:
     """Returns the figures of a tank that falls freely after 1 s of rest: the pressure over
     rho g H, and the speed of the water relative to the tank, before and after."""
-    scene = tanks.tank((EDGE, EDGE), DEPTH, 2.0 * FINE, layers, seed=seed).model_dump()
-    scene["motion"] = {"displacement": [0, f"-{0.5 * G} * max(t - 1, 0)**2", 0]}
+    fall = {"displacement": [0, f"-{0.5 * G} * max(t - 1, 0)**2", 0]}
+    scene = tanks.tank((EDGE, EDGE), DEPTH, 2.0 * FINE, layers, seed=seed, motion=fall)
     seen = []
 
     def read(sim: Simulation) -> None:
@@ -174,21 +176,16 @@ def waves(kind: str, kd: float, seed: int) -> dict[str, float]:
     face = 0.5 * (stroke + 2.45 * SPACING)
     places = face + 2.0 * depth + np.array([0.0, APART]) * length
     box = math.ceil((places[1] + depth + beach) / SPACING) * SPACING
-    tank = tanks.tank((box, 5 * SPACING), depth, SPACING, 1, air=0.5 * depth, seed=seed)
-    scene = tank.model_dump()
     maker = {"kind": kind, "stroke": stroke, "period": period, "ramp": period, "beach": beach}
-    scene["wavemakers"] = [maker]
-    scene["probes"] = [
-        {"name": f"h{n}", "kind": "height", "at": [x, 2.5 * SPACING]} for n, x in enumerate(places)
-    ]
-    given = Scene.model_validate(scene)
-    probes, seen = build_probes(given), []
+    footprint = box, 5 * SPACING
+    scene = tanks.tank(footprint, depth, SPACING, 1, 0.5 * depth, seed=seed, wavemakers=[maker])
+    probes, seen = [HeightProbe("", (x, 2.5 * SPACING)) for x in places], []
 
     def read(sim: Simulation) -> None:
         water = Snapshot.of(sim)
         seen.append((sim.time, *(p.read(water)[0] for p in probes)))
 
-    travel = (places[1] - face) / group_speed(given, given.wavemakers[0])
+    travel = (places[1] - face) / group_speed(scene, scene.wavemakers[0])
     seconds = period + travel + PERIODS * period
     ledger = run(scene, seconds, read, period / 48.0)
     t, *heights = np.array([s for s in seen if s[0] > seconds - MEASURED * period]).T
@@ -214,13 +211,11 @@ def rolled(seed: int) -> dict[str, Any]:
     the period of the roll, and peak pressures over ten periods after the first two."""
     period, spacing = SHARE * FIRST, FILL / ACROSS
     air, footprint = ROLLED[1] - FILL, (ROLLED[0], ROLLED[2])
-    scene = tanks.tank(footprint, FILL, spacing, 1, air=air, seed=seed).model_dump()
     angle = f"{ANGLE} * sin(2*pi*t/{period}) * min(t/{period}, 1)"
-    scene["motion"] = {"angle": angle, "centre": [0.5 * ROLLED[0], 0, 0.5 * ROLLED[2]]}
+    roll = {"angle": angle, "centre": [0.5 * ROLLED[0], 0, 0.5 * ROLLED[2]]}
+    scene = tanks.tank(footprint, FILL, spacing, 1, air, seed=seed, motion=roll)
     lo, hi = (0, FILL - 0.005, 0.5 * ROLLED[2] - 0.005), (0, FILL + 0.005, 0.5 * ROLLED[2] + 0.005)
-    face = {"name": "wall", "kind": "pressure", "lo": lo, "hi": hi, "window": WINDOW}
-    scene["probes"] = [face]
-    (probe,), seen = build_probes(Scene.model_validate(scene)), []
+    probe, seen = PressureProbe("", lo, hi, WINDOW), []
     ledger = run(
         scene,
         (ROUNDS + 2) * period,

@@ -92,9 +92,9 @@ def timed(
 def pool(width: float, depth: float, layers: int, every: int, start: int) -> dict[str, float]:
     """Returns the figures of a pool at rest and rocking; width, depth [m]; every: steps between
     passes of adaptation."""
-    extra = {"band": BAND, "every": every} if layers > 1 else {}
-    scene = tanks.tank((width, width), depth, FINE, layers, 0.4, seed=start, **extra)
-    sim = tanks.build(scene)
+    thin = {"band": BAND, "every": every} if layers > 1 else {}
+    tank = tanks.tank((width, width), depth, FINE, layers, 0.4, seed=start, adaptation=thin)
+    sim = tanks.build(tank)
     reading = tanks.Reading(sim)
     tanks.run(sim, SETTLE)
     profile = tanks.Profile(sim, reading.depth)
@@ -213,8 +213,8 @@ def scene_of(kind: str, along: int, seed: int = 0) -> Scene:
         EDGE**2 * (min(bottom, EDGE) - top) / spec.volume
         for spec, (top, bottom) in zip(specs, ends, strict=True)
     )
-    capacity = math.ceil(ROOM * held)
-    return tanks.tank((EDGE, EDGE), EDGE, finest, len(specs), seed=seed, capacity=capacity)
+    room = {"capacity": math.ceil(ROOM * held)}
+    return tanks.tank((EDGE, EDGE), EDGE, finest, len(specs), seed=seed, adaptation=room)
 
 
 def run(kind: str, along: int, seed: int) -> dict[str, float]:

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -28,55 +28,59 @@ SLICES = 12
 COLUMNS = ((0.25, 0.25), (0.25, 0.75), (0.75, 0.25), (0.75, 0.75))
 
 
+def scene(
+    size: Sequence[float],
+    finest: float,
+    layers: int,
+    water: list[dict[str, Any]],
+    smoothing: float | None = None,
+    adaptation: dict[str, Any] | None = None,
+    **sections: Any,
+) -> Scene:
+    """Returns the scene of a box of `size` [m] with volumes of water as in a scene file.
+
+    layers: 1 for uniform particles of `finest` spacing [m]; otherwise the number of adaptive
+    layers, each of twice the mass of the next finer; the water is filled with the coarsest.
+    smoothing: support over spacing, None: default. adaptation: changed parameters of the section;
+    sections: other parts of the scene.
+    """
+    masses = [1000.0 * finest**3 * 2**k for k in range(layers)]
+    return Scene.model_validate(
+        {
+            "box": {"size": size},
+            "layers": [{"mass": mass, "smoothing": smoothing} for mass in masses],
+            "water": [{"layer": layers - 1, **volume} for volume in water],
+            "adaptation": {"enabled": layers > 1, **(adaptation or {})},
+            **sections,
+        }
+    )
+
+
 def tank(
     footprint: tuple[float, float],
     depth: float,
     finest: float,
     layers: int,
     air: float = 0.3,
-    seed: int = 0,
-    jitter: float = 0.02,
-    **adaptation: float,
+    **more: Any,
 ) -> Scene:
     """Returns the scene of a box of `footprint` (x, z) [m] with water of `depth` [m] and `air` [m]
-    above it.
-
-    layers: 1 for uniform particles of `finest` spacing [m]; otherwise the number of adaptive
-    layers, each of twice the mass of the next finer; the water is filled with the coarsest. seed:
-    of the random initial displacements of `jitter` spacings.
-    """
+    above it; other arguments as for scene()."""
     x, z = footprint
-    water = {"lo": [0, 0, 0], "hi": [x, depth, z], "jitter": jitter}
-    return _scene([x, depth + air, z], finest, layers, water, adaptation, seed=seed)
+    water = {"lo": [0, 0, 0], "hi": [x, depth, z]}
+    return scene([x, depth + air, z], finest, layers, [water], **more)
 
 
-def duct(
-    edge: float, spacings: int, viscosity: float, layers: int, seed: int = 0, **adaptation: float
-) -> Scene:
+def duct(edge: float, spacings: int, viscosity: float, layers: int, **more: Any) -> Scene:
     """Returns the scene of a square duct of `edge` [m] without slip, whose water (DUCT_WATER) falls
     from rest.
 
-    spacings: finest spacings across the duct; viscosity [Pa s]; other arguments as for tank().
+    spacings: finest spacings across the duct; viscosity [Pa s]; other arguments as for scene().
     """
     bottom, top = (height * edge for height in DUCT_WATER)
-    water = {"lo": [0, bottom, 0], "hi": [edge, top, edge], "jitter": 0.02}
+    water = {"lo": [0, bottom, 0], "hi": [edge, top, edge]}
     size, terms = [edge, DUCT_TOP * edge, edge], {"viscosity": viscosity, "slip": False}
-    finest = edge / spacings
-    return _scene(size, finest, layers, water, adaptation, seed=seed, projection=terms)
-
-
-def _scene(size, finest: float, layers: int, water: dict, adaptation: dict, **more) -> Scene:
-    """Returns the scene of a box with water of the coarsest of its layers."""
-    return Scene.model_validate(
-        {
-            "method": "projection",
-            "box": {"size": size},
-            "layers": [{"mass": 1000.0 * finest**3 * 2**k} for k in range(layers)],
-            "water": [{"layer": layers - 1, **water}],
-            "adaptation": {"enabled": layers > 1, **adaptation},
-            **more,
-        }
-    )
+    return scene(size, edge / spacings, layers, [water], projection=terms, **more)
 
 
 def duct_speed(x: np.ndarray, z: np.ndarray, edge: float, nu: float, seconds: float) -> np.ndarray:
@@ -235,10 +239,8 @@ def recorded(
     return ledger
 
 
-def build(scene: Scene, **changes: Any) -> Simulation:
-    """Builds the simulation of a scene with changed sections; forces on bodies are recorded."""
-    if changes:
-        scene = Scene.model_validate({**scene.model_dump(), **changes})
+def build(scene: Scene) -> Simulation:
+    """Builds the simulation of a scene; forces on bodies are recorded."""
     sim = build_simulation(scene)
     sim.record_forces()
     return sim

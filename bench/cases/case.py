@@ -222,8 +222,6 @@ class Case:
 # Share of the velocities that a frame of 1/60 s leaves after stirring (-): about the critical
 # damping of the waves of a tank 0.5 m wide.
 CALM = 0.8
-# Initial displacements of the particles, in spacings, in which starts differ.
-JITTER = 0.02
 # Settings of DFSPH at one resolution, in addition to its shipped ones and to zero viscosity.
 PEER_CHANGES: tuple[dict[str, float], ...] = (
     {"viscosity": 0.001},
@@ -253,22 +251,22 @@ def scene(
 ) -> Scene:
     """Returns a scene: a box of `size` [m], volumes of water as in a scene file, layers with finest
     spacing `spacing` [m] and mass ratio 2, at most `max_layers`; more: sections of the scene."""
-    layers, peer = min(setting.layers, max_layers), setting.method == DFSPH
-    given = {"smoothing": setting.smoothing} if setting.smoothing else {}
-    adaptation = {"enabled": layers > 1 and setting.method != "classic"}
-    if setting.water == FIXED:
-        adaptation["every"] = NEVER
-    return Scene.model_validate(
-        {
-            "method": "projection" if peer else setting.method,
-            "seed": setting.start,
-            "box": {"size": size},
-            "layers": [{"mass": 1000.0 * spacing**3 * 2**k, **given} for k in range(layers)],
-            "water": [{"layer": layers - 1, "jitter": JITTER, **w} for w in water],
-            "adaptation": adaptation,
-            **more,
-            "projection": {**({} if peer else setting.solver), **more.get("projection", {})},
-        }
+    peer = setting.method == DFSPH
+    adaptation: dict[str, float] = {"every": NEVER} if setting.water == FIXED else {}
+    if setting.method == "classic":
+        adaptation["enabled"] = False
+    terms = {**({} if peer else setting.solver), **more.pop("projection", {})}
+    return tanks.scene(
+        size,
+        spacing,
+        min(setting.layers, max_layers),
+        water,
+        setting.smoothing,
+        adaptation,
+        method="projection" if peer else setting.method,
+        seed=setting.start,
+        projection=terms,
+        **more,
     )
 
 
@@ -277,7 +275,7 @@ def tank(
     footprint: tuple[float, float],
     depth: float,
     air: float,
-    jitter: float = JITTER,
+    jitter: float | None = None,
     **more,
 ) -> Scene:
     """Returns a scene of still water of `depth` [m] with `air` [m] above it; the finest spacing is
@@ -295,7 +293,8 @@ def tank(
             water.append({"layer": k, "lo": [0, low, 0], "hi": [x, top, z]})
         top = low
     water = water or [{"lo": [0, 0, 0], "hi": [x, depth, z]}]
-    water = [{**w, "jitter": jitter} for w in water]
+    if jitter is not None:
+        water = [{**w, "jitter": jitter} for w in water]
     return scene(setting, (x, depth + air, z), spacing, water, **more)
 
 

@@ -19,7 +19,8 @@ SCRIPT = Path(__file__).parents[2] / "bench" / "density_check.py"
 def test_stand_alone_density_check_agrees_within_ten_percent(tmp_path, layers):
     """The script imports nothing of msph and agrees on water that moves and is then compressed by
     3 %, so that the error of its bulk density is known."""
-    sim = tanks.build(tanks.tank((0.5, 0.5), 0.5, 0.5 / 12, layers, jitter=0.3))
+    water = {"lo": [0, 0, 0], "hi": [0.5, 0.5, 0.5], "jitter": 0.3}
+    sim = tanks.build(tanks.scene((0.5, 0.8, 0.5), 0.5 / 12, layers, [water]))
     tanks.run(sim, 0.2)
     state = sim.state()
     state["x"] = (state["x"] * np.array([1.0, 0.97, 1.0])).astype(np.float32)
