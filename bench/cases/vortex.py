@@ -61,6 +61,8 @@ def share_left(
     still = begin_tank()
     stir(still, SETTLE, setting.start)
     state = still.simulation.state()
+    if nu:  # the stirred water has no viscosity, and so no change by it in its last step
+        state["viscous_change"] = np.zeros_like(state["v"])
     # The next simulation reuses the fields of this one, whose kernels are compiled.
     still.simulation.close()
     run = begin_tank(projection={"viscosity": 1000.0 * nu})
