@@ -2,21 +2,13 @@
 
 import math
 from pathlib import Path
+from statistics import median
 
 import matplotlib
-import numpy as np
 
 from bench.cases import CASES
-from bench.cases.case import (
-    ADAPTIVE,
-    DFSPH,
-    FIXED,
-    UNIFORM,
-    UNSHEARED,
-    Case,
-    Setting,
-)
-from bench.pareto_rows import high, low, number
+from bench.cases.case import ADAPTIVE, DFSPH, FIXED, UNIFORM, UNSHEARED, Case, Setting
+from bench.pareto_rows import TIME, Pick, Result
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
@@ -37,47 +29,47 @@ WITHOUT_RELIEF = Setting(**UNSHEARED).changes
 OTHER = ("#009E73", "P")
 
 
-def undominated(rows: list[dict], error: str) -> list[dict]:
-    """Returns the rows to which no other row is superior in both time and error, fastest first."""
-    found: list[dict] = []
-    for row in sorted(rows, key=lambda r: number(r, "wall_per_simulated")):
-        if not found or number(row, error) < number(found[-1], error):
-            found.append(row)
+def undominated(results: list[Result], error: str, pick: Pick = median) -> list[Result]:
+    """Returns the results to which no other one is superior in both time and error, fastest
+    first."""
+    found: list[Result] = []
+    for result in sorted(results, key=lambda r: r.of(TIME, pick)):
+        if not found or result.of(error, pick) < found[-1].of(error, pick):
+            found.append(result)
     return found
 
 
-def drawn(rows: list[dict], case: Case, error: str = "") -> list[dict]:
-    """Returns the rows of the case with a time and a value of `error` (default: the main error)."""
+def drawn(results: list[Result], case: Case, error: str = "") -> list[Result]:
+    """Returns the results of the case with a time and an `error` (default: the main error)."""
     return [
-        row
-        for row in rows
-        if row["case"] == case.name
-        and all(np.isfinite(number(row, k)) for k in ("wall_per_simulated", error or case.main))
+        r
+        for r in results
+        if r.case == case.name and math.isfinite(r.time) and math.isfinite(r.of(error or case.main))
     ]
 
 
-def plot(axis, rows: list[dict], case: Case, error: str) -> None:
+def plot(axis, results: list[Result], case: Case, error: str) -> None:
     """Plots an error over time: medians and ranges over the starts."""
-    rows = drawn(rows, case, error)
-    for row in rows:
-        kind = (row["method"], row["water"])
+    results = drawn(results, case, error)
+    for result in results:
+        kind = (result.method, result.water)
         colour, marker, _ = STYLES.get(kind, (*OTHER, ""))
-        x, y = number(row, "wall_per_simulated"), max(number(row, error), LEAST)
-        ends = [max(end(row, error), LEAST) for end in (low, high)]
-        axis.plot([x, x], ends, color=colour, lw=0.8, alpha=0.6, zorder=2)
-        size, edge = 25 if row["changes"] else 60, "white"
-        if row["changes"] == WITHOUT_RELIEF:
+        low, y, high = (max(result.of(error, pick), LEAST) for pick in (min, median, max))
+        axis.plot([result.time] * 2, [low, high], color=colour, lw=0.8, alpha=0.6, zorder=2)
+        size, edge = 25 if result.changes else 60, "white"
+        if result.changes == WITHOUT_RELIEF:
             size, edge = 40, "black"
-        axis.scatter(x, y, size, colour, marker, edgecolors=edge, linewidths=0.8, zorder=3)
+        place = result.time, y
+        axis.scatter(*place, size, colour, marker, edgecolors=edge, linewidths=0.8, zorder=3)
         if kind not in STYLES:
-            label = f"{row['water']}, {row['method']}"
-            axis.annotate(label, (x, y), (5, 3), textcoords="offset points", fontsize=8)
-    best = undominated(rows, error)
-    x = [number(row, "wall_per_simulated") for row in best]
-    axis.plot(x, [max(number(row, error), LEAST) for row in best], color="#000000", lw=0.8)
+            label = f"{result.water}, {result.method}"
+            axis.annotate(label, place, (5, 3), textcoords="offset points", fontsize=8)
+    best = undominated(results, error)
+    errors = [max(r.of(error), LEAST) for r in best]
+    axis.plot([r.time for r in best], errors, color="#000000", lw=0.8)
     axis.set(xscale="log", yscale="log", title=case.title)
-    for ticks, format_ in ((axis.yaxis, "{:g} %"), (axis.xaxis, "{:g}")):
-        label_ticks(ticks, format_, 100.0 if "%" in format_ else 1.0)
+    label_ticks(axis.yaxis, "{:g} %", 100.0)
+    label_ticks(axis.xaxis, "{:g}", 1.0)
     axis.set_xlabel("elapsed seconds per simulated second")
     axis.set_ylabel(error.replace("_", " ") + " error")
     axis.axvline(1.0, color="#bbbbbb", lw=0.8, ls=":")
@@ -106,33 +98,30 @@ def legend(axis) -> None:
     axis.legend(fontsize=8, framealpha=0.9)
 
 
-def figures(rows: list[dict], folder: Path) -> list[str]:
-    """Writes a figure for each case with rows and a summary; returns the names."""
-    names = []
+def figures(results: list[Result], folder: Path) -> None:
+    """Writes a figure for each case with results, and a summary."""
     for case in CASES.values():
-        own = drawn(rows, case)
+        own = drawn(results, case)
         if own:
             figure, axis = plt.subplots(figsize=(7.5, 5.0))
             plot(axis, own, case, case.main)
             legend(axis)
-            names.append(save(figure, folder, f"pareto_{case.name}"))
-    panels = [(c, error) for c in CASES.values() for error in c.summary if drawn(rows, c, error)]
+            save(figure, folder / f"pareto_{case.name}.png")
+    panels = [(c, error) for c in CASES.values() for error in c.summary if drawn(results, c, error)]
     if panels:
         down = math.ceil(len(panels) / 2)
         figure, grid = plt.subplots(down, 2, figsize=(11.0, 4.4 * down), squeeze=False)
         for axis, (case, error) in zip(grid.flat, panels, strict=False):
-            plot(axis, rows, case, error)
+            plot(axis, results, case, error)
             shift = f", {case.note}" if error == case.main and case.note else ""
             axis.set_title(f"{case.title}{shift}", fontsize=10)
         for axis in grid.flat[len(panels) :]:
             axis.set_axis_off()
         legend(grid.flat[-1])
-        save(figure, folder, "pareto")
-    return names
+        save(figure, folder / "pareto.png")
 
 
-def save(figure, folder: Path, name: str) -> str:
+def save(figure, path: Path) -> None:
     figure.tight_layout()
-    figure.savefig(folder / f"{name}.png", dpi=100)
+    figure.savefig(path, dpi=100)
     plt.close(figure)
-    return name

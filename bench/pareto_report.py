@@ -1,7 +1,8 @@
-"""Tables of the sweep of speed against error, generated from its rows."""
+"""Tables of the sweep of speed against error, generated from its results."""
 
 import itertools
 import math
+from statistics import median
 
 import numpy as np
 from scipy.stats import linregress
@@ -9,14 +10,14 @@ from scipy.stats import linregress
 from bench.cases import CASES
 from bench.cases.case import ADAPTIVE, DFSPH, FIXED, UNIFORM, Case
 from bench.pareto_figures import LEAST, WITHOUT_RELIEF, drawn, figures, undominated
-from bench.pareto_rows import disturbed, grouped, high, low, number, place_of
+from bench.pareto_rows import TIME, Pick, Result, disturbed, grouped, place_of
 from bench.rows import RESULTS
 from bench.tables import markdown
 
 # Error limits for which the fastest run is listed (-).
 LIMITS = (0.3, 0.1, 0.03, 0.01, 0.003)
 COSTS = {
-    "wall_per_simulated": "elapsed s / simulated s",
+    TIME: "elapsed s / simulated s",
     "particles": "particles",
     "peak_mib": "peak MiB",
     "solver_residual_mean": "solver residual, mean",
@@ -26,66 +27,66 @@ COSTS = {
 }
 # Figures whose range over the starts is not shown.
 WITHOUT_RANGE = ("particles", "peak_mib")
+WATERS = (UNIFORM, FIXED, ADAPTIVE)
 
 
-def by_water(rows: list[dict]) -> dict[str, list[dict]]:
-    """Returns the rows of the projection method by kind of water."""
-    return {
-        w: [r for r in rows if (r["method"], r["water"]) == ("projection", w)] for w in STYLES_OF
-    }
+def ours(results: list[Result], water: str) -> list[Result]:
+    """Returns the results of the projection method with a kind of water."""
+    return [r for r in results if (r.method, r.water) == ("projection", water)]
 
 
-def unreached(rows: list[dict], case: Case) -> str:
+def words(name: str) -> str:
+    """Returns the name of an error in words."""
+    return name.replace("_", " ")
+
+
+def unreached(results: list[Result], case: Case) -> str:
     """Returns a sentence if a run with adaptive layers has a smaller main error than all uniform
     runs, some of which took longer; otherwise ""."""
-    by = by_water(rows)
-    longest = max((number(r, "wall_per_simulated") for r in by[UNIFORM]), default=0.0)
-    best = min((number(r, case.main) for r in by[UNIFORM]), default=0.0)
-    nearer = [
-        (number(r, "wall_per_simulated"), number(r, case.main))
-        for r in by[ADAPTIVE]
-        if LEAST < number(r, case.main) < best and number(r, "wall_per_simulated") < longest
-    ]
+    uniform = ours(results, UNIFORM)
+    longest = max((r.time for r in uniform), default=0.0)
+    best = min((r.of(case.main) for r in uniform), default=0.0)
+    found = [(r.time, r.of(case.main)) for r in ours(results, ADAPTIVE)]
+    nearer = [(time, error) for time, error in found if LEAST < error < best and time < longest]
     if not nearer:
         return ""
     time, error = min(nearer)
     return (
         f"uniform runs of up to {longest:.3g} s per s do not reach the error of adaptive layers in "
-        f"{time:.3g}: {case.main.replace('_', ' ')} {shown('error', best)}, not "
-        f"{shown('error', error)}"
+        f"{time:.3g}: {words(case.main)} {shown('error', best)}, not {shown('error', error)}"
     )
 
 
-def ratios(rows: list[dict], case: Case) -> list[dict[str, str]]:
+def ratios(results: list[Result], case: Case) -> list[dict[str, str]]:
     """Returns a row for each run with adaptive layers: how many times faster it is than uniform
     water of the same main error, by medians, and by the ends of the ranges."""
-    uniform, found = by_water(rows)[UNIFORM], []
-    for row in by_water(rows)[ADAPTIVE]:
-        speed_up = compare(row, uniform, case.main)
+    uniform, found = ours(results, UNIFORM), []
+    for result in ours(results, ADAPTIVE):
+        speed_up = compare(result, uniform, case.main)
         if speed_up:
             found.append(
                 {
-                    "resolution": row["resolution"],
-                    "changes": row["changes"],
-                    case.main.replace("_", " "): cell(row, case.main),
+                    "resolution": result.resolution,
+                    "changes": result.changes,
+                    words(case.main): cell(result, case.main),
                     "speed-up of adaptive layers over uniform water": speed_up,
                 }
             )
     return found
 
 
-def compare(row: dict, others: list[dict], error: str) -> str:
+def compare(result: Result, others: list[Result], error: str) -> str:
     """Returns how many times faster a run is than others of the same error, in words: by medians,
-    and from the row's largest error and time against the others' least to the reverse. Empty if the
+    and from its largest error and time against the others' least to the reverse. Empty if the
     others have no run of this error."""
-    middle = _ratio(row, others, error, number, number)
+    middle = _ratio(result, others, error, median, median)
     if not middle:
         return ""
-    least, most = (_ratio(row, others, error, *ends) for ends in ((high, low), (low, high)))
-    words = f"{'over ' * middle[1]}{digits(middle[0])}"
+    least, most = (_ratio(result, others, error, *ends) for ends in ((max, min), (min, max)))
+    times = f"{'over ' * middle[1]}{digits(middle[0])}"
     ends = [digits(end[0]) if end else "?" for end in (least, most)]
     unlike = least and most and (least[0] > 1.0) == (most[0] > 1.0)
-    return f"{words} ({ends[0]} to {ends[1]}){'' if unlike else ', not significant'}"
+    return f"{times} ({ends[0]} to {ends[1]}){'' if unlike else ', not significant'}"
 
 
 def digits(value: float) -> str:
@@ -93,23 +94,20 @@ def digits(value: float) -> str:
     return np.format_float_positional(value, precision=2, fractional=False, trim="-")
 
 
-def _ratio(row: dict, others: list[dict], error: str, own, theirs) -> tuple[float, bool] | None:
-    """Returns the time of the others at the row's error over the row's time, interpolated in
-    logarithms, and whether it is a lower bound, as no other reaches the error; None if the row's
+def _ratio(
+    result: Result, others: list[Result], error: str, own: Pick, theirs: Pick
+) -> tuple[float, bool] | None:
+    """Returns the time of the others at the run's error over the run's time, interpolated in
+    logarithms, and whether it is a lower bound, as no other reaches the error; None if the run's
     error exceeds all others or is rounding. own, theirs: which value over the starts to read."""
-    names = (error, "wall_per_simulated")
-    known = [r for r in others if all(np.isfinite(number(r, name)) for name in names)]
-    read = [{**r, **{name: theirs(r, name) for name in names}} for r in known]
-    line, wanted = undominated(read, error), math.log(max(own(row, error), LEAST))
-    errors = np.log([max(r[error], LEAST) for r in line])
+    known = [r for r in others if math.isfinite(r.time) and math.isfinite(r.of(error))]
+    line, wanted = undominated(known, error, theirs), math.log(max(result.of(error, own), LEAST))
+    errors = np.log([max(r.of(error, theirs), LEAST) for r in line])
     if not line or not math.log(LEAST) < wanted <= errors.max():
         return None
-    time = np.log([number(r, "wall_per_simulated") for r in line])
+    time = np.log([r.of(TIME, theirs) for r in line])
     at = math.exp(np.interp(-wanted, -errors, time))
-    return at / own(row, "wall_per_simulated"), bool(wanted < errors.min())
-
-
-STYLES_OF = (UNIFORM, FIXED, ADAPTIVE)
+    return at / result.of(TIME, own), bool(wanted < errors.min())
 
 
 def slope(resolution: list[float], errors: list[float]) -> str:
@@ -120,118 +118,104 @@ def slope(resolution: list[float], errors: list[float]) -> str:
     return f"{fit.slope:.1f} +- {fit.stderr:.1f}"
 
 
-def orders(rows: list[dict], case: Case) -> list[dict[str, str]]:
+def by_resolution(results: list[Result], water: str, changes: str = "") -> list[Result]:
+    """Returns the results of the projection method with a kind of water, coarsest first."""
+    own = [r for r in ours(results, water) if r.changes == changes]
+    return sorted(own, key=lambda r: float(r.resolution))
+
+
+def orders(results: list[Result], case: Case) -> list[dict[str, str]]:
     """Returns a row for each kind of water: order of convergence of each error."""
     found = []
-    for change, water in itertools.product(("", WITHOUT_RELIEF), STYLES_OF):
-        own = [
-            r
-            for r in rows
-            if (r["method"], r["water"], r["changes"]) == ("projection", water, change)
-        ]
-        own.sort(key=lambda r: float(r["resolution"]))
+    for changes, water in itertools.product(("", WITHOUT_RELIEF), WATERS):
+        own = by_resolution(results, water, changes)
         if len(own) > 2:
-            resolution = [float(r["resolution"]) for r in own]
-            by = {e: slope(resolution, [number(r, e) for r in own]) for e in case.errors}
-            found.append({"water": water, "changes": change, **by})
+            resolution = [float(r.resolution) for r in own]
+            by = {e: slope(resolution, [r.of(e) for r in own]) for e in case.errors}
+            found.append({"water": water, "changes": changes, **by})
     return found
 
 
-def recommended(rows: list[dict]) -> list[dict[str, str]]:
+def recommended(results: list[Result]) -> list[dict[str, str]]:
     """Returns a row for each run that is the fastest within an error limit of its case."""
     lines: dict[int, dict[str, str]] = {}
-    for case in CASES.values():
-        for limit in LIMITS:
-            good = [r for r in drawn(rows, case) if number(r, case.main) <= limit]
-            if good:
-                best = min(good, key=lambda r: number(r, "wall_per_simulated"))
-                error = shown("error", number(best, case.main))
-                # A run that is the fastest for several limits is listed with the smallest.
-                lines[id(best)] = {
-                    "case": case.title,
-                    "limit": f"{case.main.replace('_', ' ')} within {100.0 * limit:g} %",
-                    "fastest": f"{best['method']}, {best['water']}",
-                    "resolution": best["resolution"],
-                    "changes": best["changes"],
-                    "error": error,
-                    "s per s": shown("wall_per_simulated", number(best, "wall_per_simulated")),
-                }
+    for case, limit in itertools.product(CASES.values(), LIMITS):
+        good = [r for r in drawn(results, case) if r.of(case.main) <= limit]
+        if good:
+            best = min(good, key=lambda r: r.time)
+            # A run that is the fastest for several limits is listed with the smallest.
+            lines[id(best)] = {
+                "case": case.title,
+                "limit": f"{words(case.main)} within {100.0 * limit:g} %",
+                "fastest": f"{best.method}, {best.water}",
+                "resolution": best.resolution,
+                "changes": best.changes,
+                "error": shown("error", best.of(case.main)),
+                "s per s": shown(TIME, best.time),
+            }
     return list(lines.values())
 
 
-def self_convergence(rows: list[dict], case: Case) -> list[dict[str, str]]:
+def self_convergence(results: list[Result], case: Case) -> list[dict[str, str]]:
     """Returns the differences of the case's values from the finest uniform run, and their order."""
-    own = [
-        r
-        for r in rows
-        if r["case"] == case.name
-        and r["method"] == "projection"
-        and not r["changes"]
-        and np.isfinite(number(r, (case.values or ("",))[0]))
-    ]
-    uniform = sorted(
-        (r for r in own if r["water"] == UNIFORM), key=lambda r: float(r["resolution"])
-    )
-    if len(uniform) < 3:
+    own = [r for r in results if all(math.isfinite(r.of(name)) for name in case.values)]
+    uniform = by_resolution(own, UNIFORM)
+    if len(uniform) < 3 or not case.values:
         return []
     finest, found = uniform[-1], []
     for name in case.values:
-        exact, row = number(finest, name), {"value": name, "finest": f"{number(finest, name):.4g}"}
-        for water in STYLES_OF:
-            same = [r for r in own if r["water"] == water and r is not finest]
-            same.sort(key=lambda r: float(r["resolution"]))
-            apart = [abs(number(r, name) - exact) for r in same]
+        exact = finest.of(name)
+        row = {"value": name, "finest": f"{exact:.4g}"}
+        for water in WATERS:
+            same = [r for r in by_resolution(own, water) if r is not finest]
+            apart = [abs(r.of(name) - exact) for r in same]
             for r, difference in zip(same, apart, strict=True):
-                row[f"{water} {r['resolution']}"] = f"{difference:.2g}"
-            row[f"{water}, order"] = slope([float(r["resolution"]) for r in same], apart)
+                row[f"{water} {r.resolution}"] = f"{difference:.2g}"
+            row[f"{water}, order"] = slope([float(r.resolution) for r in same], apart)
         found.append(row)
     return found
 
 
-def table(rows: list[dict], case: Case) -> str:
-    """Returns the case's rows as a Markdown table, fastest first, undominated ones in bold."""
-    best = [id(row) for row in undominated(drawn(rows, case), case.main)]
-    lines = []
-    for row in sorted((r for r in rows if r["case"] == case.name), key=order):
-        mark = "**" if id(row) in best else ""
-        cells = {"method": row["method"], "water": f"{mark}{row['water']}{mark}"}
-        cells |= {"resolution": row["resolution"], "changes": row["changes"]}
-        cells["starts"] = str(row["starts"])
-        for name, head in COSTS.items():
-            cells[head] = cell(row, name)
-        for name in case.errors:
-            cells[name.replace("_", " ")] = cell(row, name)
-        if disturbed(row):
-            cells["changes"] += f" ({number(row, 'others'):.1f} cores busy with other work)"
-        if row.get("failure"):
-            cells["changes"] += f" failed: {row['failure']}"
-        lines.append(cells)
+def table(results: list[Result], case: Case) -> str:
+    """Returns the case's results as a Markdown table, fastest first and those without a time last;
+    undominated ones are bold."""
+    best, lines = undominated(drawn(results, case), case.main), []
+    for result in sorted(results, key=lambda r: (math.isnan(r.time), r.time)):
+        mark, changes = "**" * (result in best), result.changes
+        if disturbed(result.measured, result.of("others")):
+            changes += f" ({result.of('others'):.1f} cores busy with other work)"
+        if result.failure:
+            changes += f" failed: {result.failure}"
+        lines.append(
+            {
+                "method": result.method,
+                "water": f"{mark}{result.water}{mark}",
+                "resolution": result.resolution,
+                "changes": changes,
+                "starts": str(result.runs),
+                **{head: cell(result, name) for name, head in COSTS.items()},
+                **{words(name): cell(result, name) for name in case.errors},
+            }
+        )
     return markdown(lines)
 
 
-def cell(row: dict, name: str) -> str:
+def cell(result: Result, name: str) -> str:
     """Returns the median of a figure, and its range over the starts."""
-    kind = name if name in ("wall_per_simulated", *WITHOUT_RANGE) else "error"
-    middle = shown(kind, number(row, name))
-    ends = [shown(kind, end(row, name)) for end in (low, high)]
-    if name in WITHOUT_RANGE or ends[0] == ends[1]:
+    kind = name if name in (TIME, *WITHOUT_RANGE) else "error"
+    least, middle, most = (shown(kind, result.of(name, pick)) for pick in (min, median, max))
+    if name in WITHOUT_RANGE or least == most:
         return middle
-    return f"{middle} ({' to '.join(ends)})"
-
-
-def order(row: dict) -> tuple[bool, float]:
-    """Returns the sort key of a row: its time, rows without a time last."""
-    time = number(row, "wall_per_simulated")
-    return math.isnan(time), time
+    return f"{middle} ({least} to {most})"
 
 
 def shown(name: str, value: float) -> str:
-    """Formats a figure of a row."""
+    """Formats a figure of a result."""
     if math.isnan(value):
         return "-"
-    if name in ("particles", "peak_mib"):
+    if name in WITHOUT_RANGE:
         return f"{value:,.0f}"
-    if name == "wall_per_simulated":
+    if name == TIME:
         return f"{value:.3g}"
     return f"{100.0 * value:.3f} %" if value >= 1e-5 else f"{value:.0e}"
 
@@ -239,7 +223,7 @@ def shown(name: str, value: float) -> str:
 def report(rows: list[dict]) -> str:
     """Writes pareto.md and the figures; returns the text."""
     where = sorted({row["measured"] for row in rows})
-    rows = grouped(rows)
+    results = grouped(rows)
     text = [
         "# Speed against error\n",
         "`python bench/run.py pareto`\n",
@@ -253,11 +237,11 @@ def report(rows: list[dict]) -> str:
         "smaller main error, the first of the case's list.\nRows with and without shear relief met "
         "different loads; [friction](friction.md) compares them in turn.\n",
     ]
-    figures(rows, RESULTS)
-    text += ["## The fastest run within an error limit\n", f"{markdown(recommended(rows))}\n"]
-    text += compared_with_peer(rows)
+    figures(results, RESULTS)
+    text += ["## The fastest run within an error limit\n", f"{markdown(recommended(results))}\n"]
+    text += compared_with_peer(results)
     for case in CASES.values():
-        own = [row for row in rows if row["case"] == case.name]
+        own = [r for r in results if r.case == case.name]
         if not own:
             continue
         text += [
@@ -265,28 +249,29 @@ def report(rows: list[dict]) -> str:
             f"Resolution: {case.across} in finest spacings{'; ' * bool(case.note)}{case.note}. "
             f"Measured {measured(own)}.\n",
         ]
-        text += [f"- {name.replace('_', ' ')}: {what}" for name, what in case.errors.items()]
-        words = unreached(drawn(rows, case), case)
-        text += [f"\n{words[0].upper()}{words[1:]}."] if words else []
-        text += ["", table(rows, case), ""]
+        text += [f"- {words(name)}: {what}" for name, what in case.errors.items()]
+        sentence = unreached(drawn(own, case), case)
+        text += [f"\n{sentence[0].upper()}{sentence[1:]}."] if sentence else []
+        text += ["", table(own, case), ""]
         for title, lines in (
             ("Adaptive layers against uniform water at equal error:", ratios(own, case)),
             ("Order of convergence with the spacing, and its standard error:", orders(own, case)),
-            ("Differences from the finest uniform run:", self_convergence(rows, case)),
+            ("Differences from the finest uniform run:", self_convergence(own, case)),
         ):
             if lines:
                 text += [title, "", markdown(lines), ""]
-        if drawn(rows, case):
+        if drawn(own, case):
             text.append(f"![{case.title}](pareto_{case.name}.png)\n")
     found = "\n".join(text)
     (RESULTS / "pareto.md").write_text(found, encoding="utf-8")
     return found
 
 
-def measured(rows: list[dict]) -> str:
-    """Returns the dates, numbers of threads and numbers of starts of the rows, in words."""
-    starts = sorted({row["starts"] for row in rows})
-    threads, dates = (sorted(set(each)) for each in zip(*map(place_of, rows), strict=True))
+def measured(results: list[Result]) -> str:
+    """Returns the dates, numbers of threads and numbers of starts of results, in words."""
+    starts = sorted({r.runs for r in results})
+    places = [place_of(r.measured) for r in results]
+    threads, dates = (sorted(set(each)) for each in zip(*places, strict=True))
     found = [
         f"on {' and '.join(dates)}",
         f"threads: {', '.join(map(str, threads))}",
@@ -295,30 +280,29 @@ def measured(rows: list[dict]) -> str:
     return "; ".join(found)
 
 
-def compared_with_peer(rows: list[dict]) -> list[str]:
+def compared_with_peer(results: list[Result]) -> list[str]:
     """Returns the section that compares each run of SPlisHSPlasH with our runs of equal error."""
     lines = []
     for case in CASES.values():
-        own = [r for r in rows if r["case"] == case.name]
-        theirs = [r for r in own if r["method"] == DFSPH]
-        for row, error in itertools.product(theirs, case.peer):
-            if np.isfinite(number(row, error)):
-                ours = [r for r in drawn(own, case, error) if r["method"] == "projection"]
+        theirs = [r for r in results if (r.case, r.method) == (case.name, DFSPH)]
+        for result, error in itertools.product(theirs, case.peer):
+            if math.isfinite(result.of(error)):
+                own = [r for r in drawn(results, case, error) if r.method == "projection"]
                 lines.append(
                     {
                         "case": case.name,
-                        "resolution": row["resolution"],
-                        "settings": row["changes"] or "as shipped",
-                        "error": f"{error.replace('_', ' ')} {cell(row, error)}",
-                        "its s per s": cell(row, "wall_per_simulated"),
-                        "faster at this error": faster(row, ours, error),
+                        "resolution": result.resolution,
+                        "settings": result.changes or "as shipped",
+                        "error": f"{words(error)} {cell(result, error)}",
+                        "its s per s": cell(result, TIME),
+                        "faster at this error": faster(result, own, error),
                     }
                 )
     if not lines:
         return []
-    compared = [r for r in rows if r["case"] in {line["case"] for line in lines}]
+    compared = [r for r in results if r.case in {line["case"] for line in lines}]
     busy = [
-        np.nanmedian([number(r, "others") for r in compared if (r["method"] == DFSPH) == theirs])
+        np.nanmedian([r.of("others") for r in compared if (r.method == DFSPH) == theirs])
         for theirs in (False, True)
     ]
     return [
@@ -336,25 +320,28 @@ def compared_with_peer(rows: list[dict]) -> list[str]:
     ]
 
 
-def faster(row: dict, ours: list[dict], error: str) -> str:
-    """Returns which program is faster at the error of a run of DFSPH, and by which factor."""
-    if not ours:
+def faster(result: Result, own: list[Result], error: str) -> str:
+    """Returns which program is faster at the error of a run of DFSPH, and by which factor; own: our
+    results."""
+    if not own:
         return "-"
-    worst = max(undominated(ours, error), key=lambda r: number(r, error))
-    if number(row, error) > number(worst, error):
-        factor = number(row, "wall_per_simulated") / number(worst, "wall_per_simulated")
-        own = f"{cell(worst, error)} in {worst['wall_per_simulated']:.2g} s per s"
+    worst = max(undominated(own, error), key=lambda r: r.of(error))
+    if result.of(error) > worst.of(error):
+        factor = result.time / worst.time
+        known = f"{cell(worst, error)} in {worst.time:.2g} s per s"
         return (
-            f"ours, over {digits(factor)} times: {own}" if factor > 1 else f"unknown; ours: {own}"
+            f"ours, over {digits(factor)} times: {known}"
+            if factor > 1
+            else f"unknown; ours: {known}"
         )
-    words = compare(row, ours, error)
-    if not words:
+    times, found = compare(result, own, error), _ratio(result, own, error, median, median)
+    if not found:
         return "-"
-    ratio, bound = _ratio(row, ours, error, number, number) or (1.0, False)
+    ratio, bound = found
     if bound:
         return "SPlisHSPlasH: no run of ours reaches the error"
-    if "not significant" in words:
-        return f"not significant: ours takes {words.split(',')[0]} of its time"
+    if "not significant" in times:
+        return f"not significant: ours takes {times.split(',')[0]} of its time"
     if ratio > 1.0:
         return f"SPlisHSPlasH, {digits(ratio)} times"
     return f"ours, {digits(1.0 / ratio)} times"

@@ -76,12 +76,12 @@ def test_dominated_rows_are_omitted():
     pairs = ((1.0, 0.1), (2.0, 0.2), (3.0, 0.01), (4.0, 0.01))
     found = [row("sloshing", *pair, resolution=k) for k, pair in enumerate(pairs)]
     best = pareto_figures.undominated(grouped(*found), "wave")
-    assert [pareto_rows.number(r, "wave") for r in best] == [0.1, 0.01]
+    assert [r.of("wave") for r in best] == [0.1, 0.01]
 
 
 def test_starts_are_grouped_to_medians_and_ranges():
     found = grouped(*(row("sloshing", 1.0, e, start=k) for k, e in enumerate((0.3, 0.1, 0.2))))
-    assert len(found) == 1 and found[0]["starts"] == 3
+    assert len(found) == 1 and found[0].runs == 3
     assert pareto_report.cell(found[0], "wave") == "20.000 % (10.000 % to 30.000 %)"
     other = row("sloshing", 1.0, 0.3, resolution=12)
     assert len(grouped(*(row("sloshing", 1.0, 0.3, start=k) for k in range(2)), other)) == 2
