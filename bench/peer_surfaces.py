@@ -11,15 +11,15 @@ import importlib.metadata
 import importlib.util
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from bench import tanks
 from bench.cases import block
 from bench.cases.case import Setting
 from bench.tables import Bench, Table
-from bench.tanks import FRAME, GRAVITY, milliseconds
-from msph.fluid.external_forces import ExternalForces
 from msph.fluid.simulation import Simulation
 from msph.scene.build import build_simulation
 from msph.surface import Surface, SurfaceMesh, SurfaceRoom
@@ -54,6 +54,11 @@ class Method:
     triangles: Callable[[], int]
 
 
+def other(name: str, faces: Callable[[], Any]) -> Method:
+    """Returns the method of another program; faces() returns the triangles."""
+    return Method(name, faces, lambda: len(faces()))
+
+
 def missing() -> list[str]:
     """Returns the packages that are not installed."""
     return [name for module, name in PACKAGES.items() if not importlib.util.find_spec(module)]
@@ -77,13 +82,8 @@ def measured(start: int) -> list[dict[str, Any]]:
 
 
 def in_turns(surface: str, methods: list[Method]) -> list[dict[str, Any]]:
-    """Returns the rows of a surface; the methods run in alternating rounds, the first of which
-    compiles and is not timed."""
-    times: dict[str, list[float]] = {method.name: [] for method in methods}
-    for turn in range(ROUNDS + 1):
-        for method in methods:
-            elapsed = milliseconds(method.work)
-            times[method.name] += [elapsed] if turn else []
+    """Returns the rows of a surface."""
+    times = tanks.in_turns({method.name: method.work for method in methods}, ROUNDS)
     middle = {name: float(np.median(found)) for name, found in times.items()}
     fastest = min((t for n, t in middle.items() if not n.startswith("ours")), default=np.nan)
     return [
@@ -103,8 +103,7 @@ def in_turns(surface: str, methods: list[Method]) -> list[dict[str, Any]]:
 def collapsed(start: int) -> Simulation:
     """Returns the simulation of a collapsing block of uniform water at COLLAPSED."""
     sim = build_simulation(block.tank(Setting(resolution=27, start=start)))
-    for _ in range(round(COLLAPSED / FRAME)):
-        sim.advance(FRAME, ExternalForces(gravity=(0.0, -GRAVITY, 0.0)))
+    tanks.run(sim, COLLAPSED)
     return sim
 
 
@@ -127,20 +126,15 @@ def from_particles(sim: Simulation, cell: float) -> list[Method]:
     ]
     if "pysplashsurf" not in missing():
         pysplashsurf = importlib.import_module("pysplashsurf")
-        x, last = sim.particles.numpy("x"), []
-
-        def reconstruct() -> None:
-            last[:] = [
-                pysplashsurf.reconstruct_surface(
-                    x,
-                    particle_radius=0.5 * d,
-                    smoothing_length=SMOOTHING_LENGTH,
-                    cube_size=cell,
-                    iso_surface_threshold=THRESHOLD,
-                )
-            ]
-
-        methods.append(Method("splashsurf", reconstruct, lambda: len(last[0].mesh.triangles)))
+        reconstruct = partial(
+            pysplashsurf.reconstruct_surface,
+            sim.particles.numpy("x"),
+            particle_radius=0.5 * d,
+            smoothing_length=SMOOTHING_LENGTH,
+            cube_size=cell,
+            iso_surface_threshold=THRESHOLD,
+        )
+        methods.append(other("splashsurf", lambda: reconstruct().mesh.triangles))
     return methods
 
 
@@ -156,25 +150,17 @@ def field() -> np.ndarray:
 def from_field(values: np.ndarray) -> list[Method]:
     """Returns the methods for the zero surface of a field."""
     cubes, mesh = our_cubes(values)
-    methods, last = [Method("ours", cubes.run, triangles(mesh))], {}
-
-    def add(name: str, faces: Callable[[], np.ndarray]) -> None:
-        def work() -> None:
-            last[name] = faces()
-
-        methods.append(Method(name, work, lambda: len(last[name])))
-
-    absent = missing()
+    methods, absent = [Method("ours", cubes.run, triangles(mesh))], missing()
     if "pysplashsurf" not in absent:
         splash = importlib.import_module("pysplashsurf").marching_cubes
         options = {"iso_surface_threshold": 0.0, "cube_size": 1.0}
-        add("splashsurf", lambda: splash(values, **options).triangles)
+        methods.append(other("splashsurf", lambda: splash(values, **options).triangles))
     if "scikit-image" not in absent:
         scikit = importlib.import_module("skimage.measure").marching_cubes
-        add("scikit-image", lambda: scikit(values, 0.0)[1])
+        methods.append(other("scikit-image", lambda: scikit(values, 0.0)[1]))
     if "PyMCubes" not in absent:
         mcubes = importlib.import_module("mcubes").marching_cubes
-        add("PyMCubes", lambda: mcubes(values, 0.0)[1])
+        methods.append(other("PyMCubes", lambda: mcubes(values, 0.0)[1]))
     return methods
 
 

@@ -255,6 +255,19 @@ def milliseconds(work: Callable[[], object]) -> float:
     return 1e3 * (time.perf_counter() - begin)
 
 
+def in_turns(
+    works: dict[str, Callable[[], object]], rounds: int, repeats: int = 1
+) -> dict[str, list[float]]:
+    """Returns the elapsed times of works [ms] by name. The works run in alternating rounds of
+    `repeats`; the first round compiles and is not timed."""
+    times: dict[str, list[float]] = {name: [] for name in works}
+    for turn in range(rounds + 1):
+        for name, work in works.items():
+            found = [milliseconds(work) for _ in range(repeats)]
+            times[name] += found if turn else []
+    return times
+
+
 def slosh(source: Water | Simulation, depth: float, amplitude: float) -> None:
     """Adds the velocities of the first sloshing mode along x at its zero crossing.
 

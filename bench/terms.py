@@ -66,16 +66,10 @@ def cost(seed: int) -> list[dict[str, str | float]]:
     size = (ACROSS * TIMED, 2 * LEVELS * TIMED, ACROSS * TIMED)
     x = lattice((ACROSS, LEVELS, ACROSS), TIMED)
     x[:, 1] *= 1.0 + 0.1 * np.cos(np.pi * x[:, 0] / size[0])
-    dt, times = tanks.FRAME / 2.0, {name: [] for name in TERMS}
+    dt, rows = tanks.FRAME / 2.0, []
     sims = {name: build(x, TIMED, size, **terms) for name, terms in TERMS.items()}
-    for turn in range(ROUNDS + 1):
-        for name, sim in sims.items():
-            found = [
-                tanks.milliseconds(partial(sim.solver.step, dt, ExternalForces()))
-                for _ in range(STEPS)
-            ]
-            times[name] += found if turn else []  # the first turn compiles
-    rows = []
+    steps = {name: partial(sim.solver.step, dt, ExternalForces()) for name, sim in sims.items()}
+    times = tanks.in_turns(steps, ROUNDS, STEPS)
     for name, found in times.items():
         solver = sims[name].solver
         viscosity = solver.force(Viscosity)
