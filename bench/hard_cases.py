@@ -7,8 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from bench import tanks
 from msph.fluid.external_forces import ExternalForces, Hand
 from msph.fluid.simulation import Simulation
+from msph.scene.schema import Scene
 
 DOWN = (0.0, -9.81, 0.0)
 # Default spacing, depth of the water, and edge of the cubic box [m].
@@ -45,7 +47,8 @@ def shaken(acceleration: float, rate: float) -> Drive:
 class Hard:
     """A hard case.
 
-    what: the requirement in words. scene: sections that differ from the default cube of water.
+    what: the requirement in words. scene: arguments of tanks.scene() that differ from those of the
+    default cube of water.
     drive: external forces as a function of time [s] for `seconds`, in frames of `frame` [s]; then
     the water rests for 1 s under the gravity `rest` [m/s^2]. change: modifies the simulation before
     the start. classic: run the classic method, too. named: start of the message with which the run
@@ -65,50 +68,35 @@ class Hard:
     settles: bool = True
     kinetic: float = math.inf
 
-    def data(self, method: str) -> dict[str, Any]:
-        """Returns the scene as the contents of a scene file."""
-        usual = {
-            "method": method,
-            "box": {"size": [EDGE] * 3},
-            "layers": [{"spacing": D}],
-            "water": [{"lo": [0, 0, 0], "hi": [EDGE, DEPTH, EDGE]}],
-        }
-        found = {**usual, **self.scene}
-        if method == "classic":
-            found.pop("projection", None)
-        return found
+    def build(self, method: str, seed: int = 0) -> Scene:
+        """Returns the scene."""
+        usual = {"size": [EDGE] * 3, "finest": D, "layers": 1, "water": block()}
+        return tanks.scene(**{**usual, **self.scene}, method=method, seed=seed)
 
 
-def layers(*masses: float, spacing: float = D) -> list[dict[str, float]]:
-    """Returns layers with `masses` as multiples of the mass of a particle of `spacing` [m]."""
-    return [{"mass": 1000.0 * spacing**3 * m} for m in masses]
+def block(edge: float = EDGE, depth: float = DEPTH) -> list[dict[str, Any]]:
+    """Returns water of `depth` [m] in a square box of `edge` [m]."""
+    return [{"lo": [0, 0, 0], "hi": [edge, depth, edge]}]
 
 
 def stacked(ratio: float, fine_on_top: bool) -> dict[str, Any]:
     """Returns a scene with fine particles above coarse particles of `ratio` times their mass, or
     below them."""
-    order = (1, 0) if fine_on_top else (0, 1)
-    parts = ([0, 0, 0], [EDGE, 0.16, EDGE]), ([0, 0.16, 0], [EDGE, 0.32, EDGE])
-    water = [{"layer": k, "lo": lo, "hi": hi} for k, (lo, hi) in zip(order, parts, strict=True)]
-    return {"layers": layers(1.0, ratio, spacing=0.03), "water": water}
+    (water,), middle = block(depth=0.32), 0.16
+    lower = {**water, "hi": [EDGE, middle, EDGE], "layer": int(fine_on_top)}
+    upper = {**water, "lo": [0, middle, 0], "layer": int(not fine_on_top)}
+    parts = {"layers": 2, "ratio": ratio, "water": [lower, upper], "adaptation": {"enabled": False}}
+    return {"finest": 0.03, **parts}
 
 
-def column(count: int) -> dict[str, Any]:
-    """Returns a column of water 80 fine spacings deep with `count` layers."""
-    edge, d = (0.12, 0.02) if count == 1 else (0.26, 0.02)
-    return {
-        "box": {"size": [edge, 1.9, edge]},
-        "layers": layers(*(2.0**k for k in range(count)), spacing=d),
-        "water": [{"layer": count - 1, "lo": [0, 0, 0], "hi": [edge, 1.6, edge]}],
-        "adaptation": {"enabled": count > 1},
-    }
+def column(layers: int) -> dict[str, Any]:
+    """Returns a column of water 80 fine spacings deep."""
+    edge = 0.12 if layers == 1 else 0.26
+    water = block(edge, 1.6)
+    return {"size": [edge, 1.9, edge], "finest": 0.02, "layers": layers, "water": water}
 
 
-ADAPTIVE = {
-    "layers": layers(1.0, 2.0),
-    "water": [{"layer": 1, "lo": [0, 0, 0], "hi": [EDGE, DEPTH, EDGE]}],
-    "adaptation": {"enabled": True},
-}
+ADAPTIVE = {"layers": 2}
 
 
 def body(**more) -> dict[str, Any]:
@@ -122,7 +110,7 @@ def cube_of(tension: float) -> Hard:
     a = 0.2
     scene = {
         "water": [{"lo": [0.2, 0.2, 0.2], "hi": [0.4, 0.4, 0.4]}],
-        "layers": layers(1.0, spacing=0.025),
+        "finest": 0.025,
         "projection": {"tension": tension},
     }
     return Hard(
@@ -138,11 +126,7 @@ def cube_of(tension: float) -> Hard:
 def scaled(edge: float) -> dict[str, Any]:
     """Returns the default scene scaled to a box of `edge` [m]."""
     s = edge / EDGE
-    return {
-        "box": {"size": [edge] * 3},
-        "layers": [{"spacing": s * D}],
-        "water": [{"lo": [0, 0, 0], "hi": [edge, s * DEPTH, edge]}],
-    }
+    return {"size": [edge] * 3, "finest": s * D, "water": block(edge, s * DEPTH)}
 
 
 def places(make: Callable[[np.ndarray], np.ndarray]) -> Callable[[Simulation], None]:
@@ -239,12 +223,10 @@ CASES: dict[str, Hard] = {
         body(centre=[-0.5, 0.14, 0.3], radius=0.1, velocity=[50, 0, 0]),
         seconds=0.1,
     ),
-    "sheet of one particle": Hard(
-        "rests", {"water": [{"lo": [0, 0, 0], "hi": [EDGE, D, EDGE]}]}, settles=False, classic=True
-    ),
+    "sheet of one particle": Hard("rests", {"water": block(depth=D)}, settles=False, classic=True),
     "spray": Hard(
         "falls",
-        {"layers": layers(1.0, spacing=0.02)},
+        {"finest": 0.02},
         change=places(lambda x: (x - x.min()) / np.ptp(x, axis=0) * 0.55 + 0.02),
         settles=False,
     ),
@@ -256,12 +238,12 @@ CASES: dict[str, Hard] = {
     ),
     "capacity used up": Hard(
         "refuses splits",
-        {**ADAPTIVE, "adaptation": {"enabled": True, "capacity": 820}},
+        {**ADAPTIVE, "adaptation": {"capacity": 820}},
         shaken(9.81, 1.0),
     ),
     "full to the lid": Hard(
         "rests",
-        {"box": {"size": [EDGE, DEPTH, EDGE]}},
+        {"size": [EDGE, DEPTH, EDGE]},
         shaken(9.81, 1.0),
         settles=False,
     ),
@@ -274,7 +256,7 @@ CASES: dict[str, Hard] = {
     "viscosity 1e5 Pa s": Hard("rests", {"projection": {"viscosity": 1e5}}, shaken(9.81, 1.0)),
     "adaptation in every step": Hard(
         "rests",
-        {**ADAPTIVE, "adaptation": {"enabled": True, "every": 1, "hysteresis": 0.0, "travel": 0.0}},
+        {**ADAPTIVE, "adaptation": {"every": 1, "hysteresis": 0.0, "travel": 0.0}},
         shaken(4.0, 1.0),
     ),
     "gravity sideways": Hard("no leaks", ADAPTIVE, gravity(9.81, 0.0, 0.0)),
@@ -284,7 +266,7 @@ CASES: dict[str, Hard] = {
     "gravity of 30 m/s^2": Hard("rests", ADAPTIVE, gravity(0.0, -30.0, 0.0), rest=(0, -30.0, 0)),
     "one hour": Hard(
         "rests, no leaks, no memory growth",
-        {"layers": [{"spacing": 0.1}], "water": [{"lo": [0, 0, 0], "hi": [EDGE, 0.4, EDGE]}]},
+        {"finest": 0.1, "water": block(depth=0.4)},
         shaken(1.0, 0.1),
         seconds=HOUR,
         settles=False,

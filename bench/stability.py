@@ -15,7 +15,6 @@ from msph.measure.bulk import bulk_density
 from msph.measure.ledger import Ledger
 from msph.measure.timings import peak_memory
 from msph.scene.build import build_simulation
-from msph.scene.schema import Scene
 
 # Limits (-): change of mass, energy rise in 1 s, momentum drift, mean solver residual, and bulk
 # density error.
@@ -36,7 +35,7 @@ FINISHED = "finished"
 
 def run(case: Hard, method: str, seed: int = 0) -> dict[str, float | str]:
     """Runs a case; returns the figures of its ledger, and how it ended."""
-    sim = build_simulation(Scene.model_validate({**case.data(method), "seed": seed}))
+    sim = build_simulation(case.build(method, seed))
     sim.warm_up(1.0 / 60.0)
     ledger = Ledger(sim, density_every=math.inf)
     ledger.record(case.drive(0.0).gravity)

@@ -33,6 +33,7 @@ def scene(
     finest: float,
     layers: int,
     water: list[dict[str, Any]],
+    ratio: float = 2.0,
     smoothing: float | None = None,
     adaptation: dict[str, Any] | None = None,
     **sections: Any,
@@ -40,11 +41,11 @@ def scene(
     """Returns the scene of a box of `size` [m] with volumes of water as in a scene file.
 
     layers: 1 for uniform particles of `finest` spacing [m]; otherwise the number of adaptive
-    layers, each of twice the mass of the next finer; the water is filled with the coarsest.
+    layers, each of `ratio` times the mass of the next finer; the water is filled with the coarsest.
     smoothing: support over spacing, None: default. adaptation: changed parameters of the section;
     sections: other parts of the scene.
     """
-    masses = [1000.0 * finest**3 * 2**k for k in range(layers)]
+    masses = [1000.0 * finest**3 * ratio**k for k in range(layers)]
     return Scene.model_validate(
         {
             "box": {"size": size},

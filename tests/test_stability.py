@@ -5,12 +5,11 @@ import pytest
 from bench import stability
 from bench.hard_cases import CASES, Hard, short
 from msph.scene.check import check
-from msph.scene.schema import Scene
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_cases_are_valid_scenes(name):
-    check(Scene.model_validate(CASES[name].data("projection")), name)
+    check(CASES[name].build("projection"), name)
 
 
 def test_pairs_at_one_position_pass():
