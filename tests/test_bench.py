@@ -32,10 +32,7 @@ def test_peers_that_are_missing_are_named(monkeypatch) -> None:
 
 
 def test_gap_of_peer_walls_gives_still_water_its_level(tmp_path, monkeypatch) -> None:
-    """gap_of() finds the gap of 1.4 spacings, at which still water has its level, within 0.001.
-
-    The level of the stub is 6 % too high for each tenth of a spacing by which the gap is too small.
-    """
+    """The level of the stub is 6 % too high for each tenth of a spacing below 1.4 spacings."""
     levels = []
 
     def stub(_, task, __):
@@ -122,8 +119,7 @@ def test_a_table_replaces_its_old_section_only_if_it_is_whole(tmp_path, monkeypa
 
 
 def test_runs_are_resumed_and_failures_repeated(tmp_path, monkeypatch):
-    """Rows of other cases are kept, stored rows are measured again unless --resume is given, and a
-    failed run is a row that --resume repeats."""
+    """Without --resume, stored rows are measured again; rows of other cases are kept."""
     ran = []
 
     def fake(script, task, seconds):
@@ -199,8 +195,7 @@ def test_every_constant_that_is_varied_exists():
 
 @pytest.mark.parametrize("number", [8, 128, 706, 1575, 4703])
 def test_splishsplash_blocks_have_the_exact_number_of_particles(number):
-    """Regression: after 500 steps SPlisHSPlasH sorted surplus, inactive particles among the
-    active."""
+    """Regression: SPlisHSPlasH sorted surplus, inactive particles among the active."""
     blocks = peer_splishsplash.blocks_of(number)
     assert sum(math.prod(edges) for edges in blocks) == number and min(map(min, blocks)) >= 2
 

@@ -154,8 +154,7 @@ def test_no_output_replaces_an_input_even_with_force(tmp_path):
 @pytest.mark.skipif(sys.platform == "win32", reason="sends an interrupt")
 @pytest.mark.parametrize("wait", slow_but([0.15], [0.15, "then running"]))
 def test_an_interrupt_ends_the_program_at_any_time(tmp_path, wait):
-    """Regression: 4 of 10 interrupts during imports were lost in callbacks of libraries, or gave
-    tracebacks."""
+    """Regression: 4 of 10 interrupts during imports were lost in callbacks, or gave tracebacks."""
     scene, said = write(tmp_path), PYTHON_STARTS
     for _ in range(5):
         if PYTHON_STARTS in said:
@@ -191,9 +190,7 @@ def interrupted(scene, wait):
 
 
 def test_capture_warns_once_that_inflows_waited(tmp_path):
-    """`capture` warns once if inflows have waited for room in the pool of particles, which holds
-    the inflow of the scene's duration. Regression: only the window and `measure` warned.
-    """
+    """Regression: only the window and `measure` warned."""
     inflow = "inflows=[{centre=[0.2, 0, 0.2], radius=0.1, speed=0.5}]"
     options = ("--set", "method=projection", "--set", inflow, "--set", "duration=0.02")
     target = tmp_path / "p_%d.csv"

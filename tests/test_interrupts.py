@@ -21,8 +21,7 @@ def test_a_failed_import_restores_the_signal_handlers():
 
 
 def test_imports_hide_deprecation_warnings_only():
-    """Regression: the warning that Taichi lacks an interface, so that launches are slower, was
-    hidden."""
+    """Regression: the warning that launches are slower was hidden."""
     with warnings.catch_warnings(record=True) as heard, importing():
         warnings.simplefilter("always", UserWarning)
         warnings.warn("taichi lacks something", stacklevel=1)

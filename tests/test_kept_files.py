@@ -111,8 +111,7 @@ def test_an_existing_output_is_refused_and_nothing_is_written(command, tmp_path,
 @examples(60)
 @given(st.sampled_from(sorted(COMMANDS)), st.data())
 def test_any_files_are_unchanged(one_folder, command, data):
-    """A command is refused and changes no file if an output with content exists, whatever other
-    files exist."""
+    """An output with content exists, whatever other files exist."""
     names = COMMANDS[command][1]
     taken = data.draw(st.sets(st.sampled_from(names), min_size=1))
     beside = data.draw(st.sets(st.sampled_from(decoys(names)), max_size=6))

@@ -118,8 +118,7 @@ def test_each_launch_uses_its_own_array(pair) -> None:
 
 @fast_only
 def test_few_particles_make_loops_serial(monkeypatch) -> None:
-    """Of four launches with different numbers of particles, the second compiles serial loops, which
-    the fourth reuses; the first and the third have parallel loops."""
+    """The second launch compiles serial loops, which the fourth reuses."""
     built = []
     monkeypatch.setattr(launches, "_serial", False)  # as with several threads
     serialize = launches.serialize

@@ -48,8 +48,7 @@ sys.stdin.read()
 
 
 def test_of_processes_that_claim_the_same_files_one_succeeds(tmp_path):
-    """Regression: two captures started together in one folder wrote the same files, and both
-    reported success."""
+    """Regression: two captures started in one folder wrote the same files without an error."""
     run = [sys.executable, "-c", RIVAL, str(tmp_path), str(time.time() + 1.0)]
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     rivals = [subprocess.Popen(run, text=True, **pipes) for _ in range(3)]
@@ -134,8 +133,7 @@ def test_a_command_may_write_its_own_file_again(tmp_path):
 
 
 def test_a_temporary_file_has_an_unused_name(tmp_path):
-    """Regression: the name was new_NAME, so a user's file of that name was overwritten and
-    removed."""
+    """Regression: a user's file named new_NAME was overwritten and removed."""
     taken = tmp_path / "new_a.json"
     taken.write_text("a holiday")
     with replacing(tmp_path / "a.json") as temporary:

@@ -61,8 +61,7 @@ def test_a_force_moves_a_body_for_one_frame_and_its_work_is_recorded():
 
 
 def test_simulations_in_turn_share_kernels_and_keep_their_results(tmp_path):
-    """Two simulations that advance in turn give what each gives alone, bit for bit, without further
-    compiling; images and checkpoints are of the simulation that is asked."""
+    """Each gives what it gives alone, bit for bit, without further compiling."""
     heavy = {"bodies": [{**BALL, "density": 800}]}
     alone = []
     for changes in ({"bodies": [BALL]}, heavy):

@@ -54,8 +54,7 @@ def depth_of(sim):
 
 
 def test_mirror_images_complete_densities_between_walls_less_than_two_supports_apart():
-    """Densities and density defects between walls that are between one and two support radii apart
-    equal sums over all pairs with all images stored as particles."""
+    """Densities and density defects equal sums over all pairs with all images as particles."""
     size = (0.1, 0.3, 0.13)
     x = np.random.default_rng(3).uniform(0.0, size, (100, 3)).astype(np.float32)
     specs = [spec_of(d, 2.5) for d in (0.03, 0.038)]
@@ -91,8 +90,7 @@ def test_mirror_images_complete_densities_between_walls_less_than_two_supports_a
 
 
 def test_a_simulation_without_free_field_trees_is_an_error(monkeypatch):
-    """A simulation for which the process has no room raises RuntimeError, where Taichi itself would
-    end with a segmentation fault."""
+    """Taichi itself would end with a segmentation fault."""
     monkeypatch.setattr(world, "MAX_TREES", world.WORLD_TREES)
     with pytest.raises(RuntimeError, match="no room for another simulation"):
         # More particles than any world in the stock holds, so that a new world is needed.
@@ -166,11 +164,8 @@ def test_stirred_water_keeps_its_bulk_density(tank):
 
 
 def test_a_sheet_one_particle_thick_stays_at_rest(tank):
-    """A sheet one particle thick rises once, by 0.2 % of a spacing, due to the background pressure.
-
-    Regression: its density correction switched on and off, since it lowered the density until no
-    defect was known, and the sheet bobbed by 0.6 % of its energy.
-    """
+    """The sheet rises once, by 0.2 % of a spacing, due to the background pressure. Regression: its
+    density correction switched on and off, and the sheet bobbed by 0.6 % of its energy."""
     sim, _ = tank
     usual = sim.initial
     sim.initial = {
@@ -206,10 +201,7 @@ def test_densities_follow_the_correction_at_once(tank):
 
 @pytest.mark.parametrize("rate", [np.inf, np.nan])
 def test_a_time_step_of_zero_raises_a_blow_up_error(tank, rate):
-    """An infinite or unknown rate of motion raises BlowUpError, which names the fastest particle.
-
-    Regression: the run ended in a division by zero, or took the longest step.
-    """
+    """Regression: the run ended in a division by zero, or took the longest step."""
     sim, _ = tank
     sim.reset()
     v = sim.particles.numpy("v")
@@ -265,11 +257,8 @@ def test_air_share_and_slope_of_a_lattice_surface_equal_brute_force(smoothing):
 
 
 def test_the_topmost_sheet_of_still_water_is_not_crowded():
-    """The topmost sheet has the number of particles and the height of a sheet of the lattice.
-
-    Regression: it was compressed until its kernel sums were 1, with 1.45 times as many particles,
-    0.33 spacings too low; its resistance to changes of the surface area damped waves.
-    """
+    """Regression: the sheet was compressed until its kernel sums were 1, with 1.45 times as many
+    particles, 0.33 spacings too low; its resistance to changes of the surface area damped waves."""
     sim = simulate(TANK, [spec_of(D)], lattice((10, 8, 10), D, 0.02, seed=1))
     advance(sim, 120)
     height = sim.particles.numpy("x")[:, 1] / D

@@ -217,10 +217,7 @@ def test_a_body_added_to_a_running_simulation_floats_and_compiles_nothing():
 
 
 def test_a_body_added_in_the_water_takes_its_place():
-    """The water inside the body flows out, and the rest stays calm.
-
-    Regression: it was moved to the body's face, to 14 times its density, and burst.
-    """
+    """Regression: the water inside was moved to the body's face, 14 times as dense, and burst."""
     sim = simulation(0.28, [])
     record(sim, 0.2)
     ledger = Ledger(sim, density_every=math.inf)

@@ -28,8 +28,7 @@ def path(time):
 
 @pytest.mark.parametrize("parameters", [ProjectionParameters(), ClassicParameters()])
 def test_a_free_particle_falls_straight_in_the_world(parameters):
-    """A particle that starts at rest in the box has the velocity of the box and then falls freely
-    in the world."""
+    """The particle starts at rest in the box, with the velocity of the box."""
     start = np.array([0.35, 0.4, 0.3])
     sim = simulate(SIZE, [spec_of(D)], start[None], terms=parameters)
     entries = tanks.recorded(sim, 12 / 60, partial(MovingBox, GRAVITY, path)).entries

@@ -301,8 +301,7 @@ def test_a_run_ends_where_the_speed_of_an_inflow_is_no_number():
 
 
 def test_a_wall_shows_no_body_to_water_in_a_pipe_beyond_it():
-    """A ball above an inflow does not raise densities in its pipe. Regression: the floor
-    mirrored the ball into the pipe, to 1.9 times the rest density."""
+    """Regression: the floor mirrored the ball into the pipe, to 1.9 times the rest density."""
     ball = Ball(np.array((0.2, 0.105, 0.2)), 0.08)
     more = {"openings": [disc(FLOOR, UP, True, 0.5)], "bodies": [ball], "capacity": 4000}
     sim = water(SIZE, [spec_of(D)], block_of((0.4, 0.2, 0.4), D), **more)

@@ -50,12 +50,8 @@ def test_crowds_are_crowded_particles_and_their_neighbours(collision):
 
 
 def test_velocity_exchange_of_crowds_adds_no_energy(collision):
-    """Where water is squeezed to four times its density, repeated exchange keeps the momentum and
-    never adds energy.
-
-    Regression: particles gave away several times their relative velocity, which grew from step to
-    step; a tap deep in a pool blew up all water.
-    """
+    """Regression: particles gave away several times their relative velocity, which grew from step
+    to step; a tap deep in a pool blew up all water."""
     solver, p = collision.solver, collision.particles
     x, v = (0.8 + 0.63 * (p.numpy("x") - 0.8)), np.random.default_rng(0).normal(size=(p.count, 3))
     place(collision, x=x.astype(np.float32), v=v.astype(np.float32))

@@ -246,11 +246,8 @@ def test_steps_keep_their_length_unless_too_long_or_much_too_short(collision, mo
 
 
 def test_a_hand_that_starts_fast_moves_water_by_a_share_of_its_spacing(collision):
-    """A step moves water by at most cfl of the finest spacing at the speed of the hand.
-
-    Regression: the first step had the length allowed for water at rest, and a hand of 100 m/s moved
-    the water out of the box.
-    """
+    """Regression: the first step had the length allowed for water at rest, and a hand of 100 m/s
+    moved the water out of the box."""
     collision.particles.fields["v"].fill(0.0)
     collision.solver.max_rate = 0.0
     distance = collision.solver.parameters.cfl * collision.layers.finest.spacing

@@ -85,8 +85,7 @@ def test_buoyancy_in_the_ledger_is_the_displaced_weight(rest):
 
 
 def test_water_under_slanted_gravity_gains_no_energy_from_bodies(pool):
-    """Regression: water that slid along a wall fell without end, a rise of tens of percent in 1
-    s."""
+    """Regression: water that slid along a wall fell without end, by tens of percent in 1 s."""
     pool.reset()
     ledger, gravity = Ledger(pool, density_every=math.inf), (5.0, -6.5, 5.0)
     ledger.record(gravity)

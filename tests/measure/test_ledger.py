@@ -83,8 +83,7 @@ def test_motion_energy_is_the_energy_above_level_water():
 
 
 def test_fine_water_is_not_added_between_coarse_particles():
-    """No fine particle is added inside coarse water. Regression: fine water was added in the gaps
-    of coarse water below the surface and blew up."""
+    """Regression: fine water was added in the gaps of coarse water and blew up."""
     scene = load_scene("deep", ("method=projection",))
     sim = build_simulation(scene, 2000)
     finest = int(np.argmin([s.mass for s in sim.layers.specs]))

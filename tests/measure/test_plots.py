@@ -45,8 +45,7 @@ def test_gaps_and_early_negative_pressures_are_explained():
 
 @pytest.mark.filterwarnings("error", "ignore::DeprecationWarning")
 def test_errors_of_zero_give_no_warning(tmp_path):
-    """Errors that are all zero are plotted without a warning. Regression: Matplotlib warned of a
-    logarithmic axis without positive values."""
+    """Regression: Matplotlib warned of a logarithmic axis without positive values."""
     heads = Entry.columns() + Survey.columns()
     ledger = Table(tmp_path / "ledger.csv", heads)
     Table(tmp_path / "probes.csv", ["time [s]"])

@@ -81,8 +81,7 @@ def test_a_table_of_other_columns_is_refused_and_kept(tmp_path):
 
 
 def test_the_energy_of_a_table_equals_the_energy_of_its_entries(tmp_path):
-    """A row of a table and its entry have the same energy. Regression: plots and convergence
-    studies left out inflows, outflows and spilt water."""
+    """Regression: plots and convergence studies left out inflows, outflows and spilt water."""
     path, heads = tmp_path / "ledger.csv", Entry.columns()
     ledger = Table(path, heads)
     ledger.write(range(1, len(heads) + 1))

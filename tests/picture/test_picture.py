@@ -258,8 +258,7 @@ def test_supersampling_averages_the_same_image(picture, mesh):
 
 
 def test_backdrop_left_out_under_water_does_not_change_the_image(picture, mesh):
-    """The first frame of a view leaves out hidden tiles, the second renders them; the images
-    agree."""
+    """The first frame of a view leaves out hidden tiles, the second renders them."""
     mesh.fill(*still_water())
     view = camera(azimuth=0.8)
     picture.draw_water(view)

@@ -355,8 +355,7 @@ def test_a_body_has_no_film_of_water_where_the_glass_cuts_it(picture):
 
 
 def test_moving_bodies_redraw_their_surroundings_only(picture):
-    """Images of a ball that swings over and in water of varying level equal images that are
-    rendered completely."""
+    """Images equal images that are rendered completely, in water of varying level."""
     swinging = Motion(swing=(0.3, -0.3, 0.2), period=1.0)
     bodies = [Ball(np.array((0.4, 0.5, 0.5)), 0.08, motion=swinging), Block(*np.array(PLINTH))]
     body, mesh = boundary_of(BOX, [LAYER], bodies), picture.mesh
@@ -388,8 +387,7 @@ def test_moving_bodies_redraw_their_surroundings_only(picture):
 
 
 def test_a_ball_seen_through_the_glass_from_below_has_no_step_at_its_waterline(picture):
-    """Brightness is continuous across the waterline. Regression: where the surface reflects a ball,
-    the ball was shaded at points inside it, as if in shadow."""
+    """Regression: the ball that the surface reflects was shaded as if inside, in shadow."""
     level = 0.4
     picture.mesh.fill(*still_water(level, n=32))
     boundary_of(BOX, [LAYER], [Ball(np.array((0.5, 0.3, 0.4)), 0.3)])

@@ -61,8 +61,7 @@ def test_walls_are_darker_where_water_has_been_until_they_are_dry(pool):
 
 
 def test_wet_walls_have_no_holes_and_end_without_steps(pool):
-    """Stains have no holes and their upper edges are smooth. Regression: with cells smaller than
-    the cells of the mesh, and either wet or dry, stains were blotches."""
+    """Regression: with cells smaller than the mesh's, wet or dry, stains were blotches."""
     pool.load(WIDTH, HEIGHT, BOX, Look(), spacing=SPACING)
     heights = []
     for level in (0.52, 0.53, 0.54):

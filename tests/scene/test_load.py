@@ -132,6 +132,5 @@ def test_scenes_have_the_main_views_and_at_most_seven(method):
     ],
 )
 def test_overrides_need_no_quotes_and_no_digit_on_both_sides_of_the_point(text, value):
-    """An override may have several lines. Regression: numbers without the digits that TOML requires
-    were read as strings."""
+    """Regression: numbers without the digits that TOML requires were read as strings."""
     assert parse_override(f"a.b={text}") == ("a.b", value)

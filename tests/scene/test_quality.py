@@ -50,8 +50,7 @@ def test_scenes_with_given_particle_numbers_have_one_quality(system, method):
 
 
 def test_finer_qualities_have_more_particles_and_smaller_errors():
-    """For every shipped scene, the measured particle numbers grow with the quality, and the error
-    of `finest` is less than the error of `small`, up to 0.001."""
+    """The error of `finest` is less than the error of `small`, up to 0.001."""
     for name in shipped_scenes():
         known = costs(name)
         assert list(known) == list(LADDER), name

@@ -128,11 +128,8 @@ def test_horizontal_planes_of_a_block_have_nearly_equal_particle_numbers(tmp_pat
 
 
 def test_lattice_a_few_spacings_wide_is_nearly_cubic(tmp_path):
-    """The cells of a lattice 3.4 spacings wide have an aspect ratio below 1.35.
-
-    Regression: with 3 x 3 columns, cells were half as wide again as high. The gaps counted as air,
-    and all the water was split.
-    """
+    """Regression: with 3 x 3 columns, cells were half as wide again as high. The gaps counted as
+    air, and all the water was split."""
     scene = load(tmp_path, TEXT, "layers.1.spacing=0.294")
     water = scene.water[0].model_copy(update={"jitter": 0.0, "lo": (0, 0, 0), "hi": (1, 2, 1)})
     x = fill(water, layer_specs(scene)[1], np.random.default_rng(0))

@@ -46,10 +46,7 @@ def player(course, row, layout, tmp_path):
 
 
 def test_nothing_moves_while_the_question_is_open(player, row, monkeypatch):
-    """Simulation and camera stand still while the question is open; a task waits for the user.
-
-    Regression: the pool swayed by itself, and the keys that answer turned the camera.
-    """
+    """Regression: the pool swayed by itself, and the keys that answer turned the camera."""
     monkeypatch.setattr(idle, "IDLE_DELAY", 0.0)
     monkeypatch.setattr(idle, "RAMP_TIME", 1e-3)
     player.window.held = {"a", "Left"}
@@ -123,10 +120,7 @@ def test_a_pool_of_the_lesson_pressure_stays_tilted_while_its_water_flows(layout
 
 
 def test_a_press_acts_on_one_widget():
-    """A press acts on the widget under it, and on no other until the button is released.
-
-    Regression: a click on a button soon after a drag also moved the slider.
-    """
+    """Regression: a click on a button soon after a drag also moved the slider."""
     size = 100, 100
     page, sheet = Page(Overlay(*size, {"page": size}), "page"), Sheet(size, 18)
     sheet.slider("a", 0.0, (0.0, 1.0), (0.0, 100.0), 0.0)

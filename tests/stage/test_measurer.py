@@ -103,10 +103,7 @@ def test_a_checkpoint_at_the_end_of_the_scene_is_refused(tmp_path):
 
 
 def test_a_blow_up_leaves_a_checkpoint_of_the_last_good_frame(tmp_path):
-    """After a blow-up the checkpoint holds the last frame in which all particles were finite.
-
-    Regression: the checkpoint was up to 10 s older, if there was one.
-    """
+    """Regression: the checkpoint was up to 10 s older, if there was one."""
     scene = load_scene(write(tmp_path, TEXT))
     show = Show(scene, EVERY, timings=Timings())
     measurement = Measurement(tmp_path, scene, "small", "cpu", bar=False)

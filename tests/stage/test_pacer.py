@@ -59,10 +59,7 @@ def test_time_slows_last_and_frames_are_limited_in_length():
 
 
 def test_the_scale_changes_in_small_steps():
-    """The image scale changes by less than 0.11 at a time.
-
-    Regression: a jump to half the area was visible.
-    """
+    """Regression: a jump to half the area was visible."""
     pacer, before = Pacer(FPS), SCALES[0]
     for _ in range(60):
         run(pacer, 0.9, 0.030, frames=1)

@@ -140,10 +140,7 @@ def test_a_pan_moves_the_image_as_far_as_the_cursor(given):
 
 
 def test_a_resized_window_shows_balls_as_round(player, show):
-    """A resized window shows equal lengths along both axes as equal, and the cursor's ray agrees.
-
-    Regression: a resized window stretched the image.
-    """
+    """Regression: a resized window stretched the image."""
     player.window.aspect = 1.0
     player.window.pressed.append("Return")
     show.display.views.name = "speed"
@@ -217,10 +214,7 @@ def test_a_saved_checkpoint_is_reopened(player, show, tmp_path):
 def test_a_clip_has_the_displayed_images_and_the_simulation_goes_on(
     player, show, tmp_path, monkeypatch
 ):
-    """A clip contains the images that were displayed, and is written while the simulation goes on.
-
-    Regression: images were rendered again, which stopped the simulation for 12 s.
-    """
+    """Regression: images were rendered again, which stopped the simulation for 12 s."""
     monkeypatch.setattr(clip, "FPS", 1000.0)
     frames(player, show, 4)
     show.display.views.name = "speed"
@@ -317,10 +311,7 @@ def test_random_input_at_a_window_loses_no_water(player, show):
 
 
 def test_the_scene_on_the_command_line_keeps_its_overrides():
-    """The scene on the command line keeps its overrides, and other scenes have none.
-
-    Regression: under the name of the scene on the command line, the scene chosen last was played.
-    """
+    """Regression: under the name of that scene, the scene chosen last was played."""
     called = SceneArguments("pool", ("title=called",), ("'title=with spaces'",))
     titles = {label: scene.title for label, scene in called.scenes_of("pool").items()}
     assert titles == {"title=called": "called", "'title=with spaces'": "with spaces"}

@@ -158,10 +158,7 @@ def test_status_shows_errors_of_bulk_density_and_volume(player, show, monkeypatc
 
 
 def test_pages_are_painted_only_when_they_change(player, show, monkeypatch):
-    """A message and the values of a particle are painted once while they do not change.
-
-    Regression: both were painted in every frame.
-    """
+    """Regression: messages and the values of a particle were painted in every frame."""
     monkeypatch.setattr("msph.stage.layout.EVERY", math.inf)
     monkeypatch.setattr("msph.stage.layout.MESSAGE_TIME", 60.0)
     painted = []

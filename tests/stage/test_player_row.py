@@ -126,10 +126,7 @@ def test_a_push_in_the_second_image_pushes_both_simulations(row, player, tmp_pat
 
 
 def test_a_push_stays_in_the_simulation_that_it_began_in(row, player):
-    """A push keeps to its simulation when the cursor enters the next image.
-
-    Regression: the push jumped by a box's width where the cursor entered the next image.
-    """
+    """Regression: the push jumped by a box's width where the cursor entered the next image."""
     screen = player.window
     frames(player, row, 2)
     first = row.shows[0]

@@ -46,10 +46,7 @@ def test_a_wall_that_a_body_touches_does_not_move(tmp_path):
 
 
 def test_the_classic_method_refuses_added_bodies_and_openings(tmp_path):
-    """With the classic method, adding an inflow or a body raises an error.
-
-    Regression: a tap opened, and the water ignored it.
-    """
+    """Regression: a tap opened, and the water ignored it."""
     show = Show(load_scene(write(tmp_path)), 1 / 60)
     opening = Opening(np.array((0.2, 0.0, 0.2)), np.array((0.0, -1.0, 0.0)), (0.1, 0.1), False)
     with pytest.raises(FullError, match="no inflows"):

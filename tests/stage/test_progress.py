@@ -41,10 +41,7 @@ def test_a_slow_frame_is_explained_once(clock, capsys):
 
 
 def test_a_run_of_days_is_refused_with_its_estimate(clock):
-    """A run that is expected to take more than a day raises an error with the estimate.
-
-    Regression: with cfl = 1e-9, a run that needed years gave no message.
-    """
+    """Regression: with cfl = 1e-9, a run that needed years gave no message."""
     progress = Progress(100, shown=True, clock=clock)
     for share in (0.001, 0.002):
         clock.now += 4.0
@@ -66,10 +63,7 @@ def test_a_single_halt_of_the_machine_does_not_end_the_run(clock):
 
 
 def test_a_log_gets_a_line_per_tenth(clock, capsys):
-    """A log gets a line per tenth of the run.
-
-    Regression: it got a line per frame, 50 kB for two seconds.
-    """
+    """Regression: a log got a line per frame, 50 kB for two seconds."""
     progress = Progress(300, shown=True, clock=clock)
     for _ in range(300):
         clock.now += 0.1
@@ -99,10 +93,7 @@ def test_a_short_run_gets_at_most_a_line_per_frame(clock, capsys):
 
 
 def test_preparation_takes_two_steps_however_short_they_are():
-    """The preparation of a show takes two steps of any length.
-
-    Regression: it simulated a whole frame, which never ended with cfl = 1e-9.
-    """
+    """Regression: a whole frame was simulated, which never ended with cfl = 1e-9."""
     show = Show(load_scene("still", ("projection.cfl=1e-9", "layers.0.spacing=0.1")), 1 / 60)
     steps = []
     step = show.simulation.solver.step

@@ -67,10 +67,7 @@ def test_vtu_bodies_have_their_motion_and_the_forces_of_the_water(tmp_path):
 
 
 def test_a_checkpoint_with_added_water_is_resumed(tmp_path, monkeypatch):
-    """`capture` and `measure` resume a checkpoint with water that the user added.
-
-    Regression: the checkpoint had more particles than the scene has room for.
-    """
+    """Regression: the checkpoint had more particles than the scene has room for."""
     monkeypatch.setattr(loaded_scene, "start", lambda arch, threads: "cpu")
     scene = write(tmp_path, TEXT.replace("[classic]", "[projection]"))
     show = Show(load_scene(scene, ("method=projection",)), 1 / FPS, **SIMULATED)
@@ -181,10 +178,7 @@ def test_vtu_particles_agree_with_the_checkpoint(recorded, show):
 
 @pytest.mark.parametrize("name", ["p", "m"])
 def test_paraview_files_contain_the_simulated_time(recorded, name):
-    """The .pvd and .vtu files contain the simulated time [s] of each frame.
-
-    Regression: ParaView showed frame numbers as times.
-    """
+    """Regression: ParaView showed frame numbers as times."""
     root = ElementTree.parse(recorded / f"{name}.pvd").getroot()
     listed = {d.get("file"): float(d.get("timestep")) for d in root.iter("DataSet")}
     assert listed == {f"{name}_{k:04d}.vtu": pytest.approx((k + 1) / FPS) for k in range(4)}
@@ -296,10 +290,7 @@ def test_a_full_disk_gives_one_line_and_lost_files_are_not_listed(show, tmp_path
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends an interrupt")
 def test_an_interrupt_leaves_playable_files(tmp_path):
-    """A recording that SIGINT ends leaves files that play.
-
-    Regression: an interrupt within a write killed the encoder.
-    """
+    """Regression: an interrupt within a write killed the encoder."""
     targets = [tmp_path / "cut.mp4", tmp_path / "cut.gif"]
     command = [sys.executable, "-m", "msph", "capture", write(tmp_path), "-o", str(targets[0])]
     command += ["-o", str(targets[1]), "--seconds", "4", "--size", "64x36", "--arch", "cpu"]

@@ -179,10 +179,7 @@ def test_play_below_real_time_forgets_the_quality(slow, known, monkeypatch):
 
 
 def test_auto_omits_qualities_whose_particles_do_not_fit(monkeypatch):
-    """A plate is thinner than the particles of coarse qualities.
-
-    Regression: the coarsest quality was chosen unchecked, and was an error.
-    """
+    """Regression: the coarsest quality was chosen unchecked, and was an error."""
     spacing = load_scene("pillar").layers[0].spacing
     plate = f"bodies=[{{lo=[0.7, 0, 0.2], hi=[{0.7 + 1.3 * spacing}, 0.5, 0.4]}}]"
     monkeypatch.setattr(trial, "real_time_factor", lambda *_: 0.5)

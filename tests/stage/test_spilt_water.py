@@ -26,10 +26,7 @@ def show(shared):
 
 # The next test runs before `show` is built, and uses its fields.
 def test_an_interactive_scene_begins_again_when_all_water_is_spilt():
-    """An interactive show resets, with a message, once all water has left the box.
-
-    Regression: the window was closed.
-    """
+    """Regression: the window was closed."""
     changes = ("box.size=[0.6, 0.36, 0.6]", "layers.0.spacing=0.06", "gravity=[0, 20, 0]")
     show = Show(load_scene("still", changes), 1 / 20, stop_bodies=True)
     for _ in range(40):

@@ -23,8 +23,7 @@ def filled(water, level: float) -> np.ndarray:
 
 # These two tests come first: `held_water` then uses the fields and kernels that they give back.
 def test_a_mesh_for_an_image_reaches_into_bodies():
-    """The mesh reaches a cell's diagonal into the ball, which does not affect the volume control.
-    Regression: the waterline had steps of a cell."""
+    """Regression: the waterline had steps of a cell."""
     water = Water(bodies=[Ball(CENTRE, RADIUS)])
     water.fill(filled(water, 0.25))
     exact, shift = middles(water.mesh()), water.surface.volume_control.shift[None]

@@ -139,8 +139,7 @@ def test_normals_of_a_level_surface_and_of_a_wave_are_accurate(smooth_water, hei
 
 @pytest.mark.parametrize("centre", [MIDDLE, MIDDLE * [1, 1, 0], MIDDLE * [0, 1, 0]])
 def test_a_ball_has_its_volume_also_where_walls_cut_it(water, centre):
-    """A whole ball, half a ball at a wall and a quarter in an edge are closed and have their
-    volume."""
+    """A whole ball, half a ball at a wall and a quarter in an edge."""
     x, radius = packed((0, 0, 0), SIZE, FINE), 0.18
     water.fill(x[np.linalg.norm(x - centre, axis=1) < radius])
     mesh = water.mesh()
@@ -156,8 +155,7 @@ def test_mesh_of_a_full_box_has_the_volume_of_the_box(water):
 
 
 def test_particles_beyond_walls_add_no_volume_and_no_drop(water):
-    """Particles in the pipe of an inflow would raise the surface by 5 %; lone particles beyond a
-    wall belong to a jet."""
+    """The pipe of an inflow would raise the surface by 5 %; a jet is lone particles."""
     x = packed((0, 0, 0), (0.6, 0.3, 0.4), FINE)
     pipe = packed((0.2, 0, 0.1), (0.4, 3 * FINE, 0.3), FINE) - [0, 3 * FINE, 0]
     jet = np.array([[-0.1, 0.4, 0.2], [-0.2, 0.35, 0.2], [-0.2 * FINE, 0.38, 0.2]])
@@ -188,8 +186,7 @@ def test_a_scene_that_exceeds_the_room_is_refused(water):
 
 
 def test_one_surface_serves_all_scenes(water, compiled):
-    """A surface that is loaded with another box, cell and kernel compiles nothing, and its mesh
-    equals the mesh of a surface built for the scene."""
+    """The surface compiles nothing, and its mesh is that of a surface built for the scene."""
     other, size = Water(), (0.63, 0.52, 0.4)
     for surface in (water.surface, other.surface):
         surface.load(size, 0.9 * CELL, 1.4)
@@ -209,8 +206,7 @@ def test_one_surface_serves_all_scenes(water, compiled):
 
 
 def test_capacities_of_a_room_grow_separately():
-    """The capacities for particles and nodes grow separately, and the memory is known before
-    allocation."""
+    """The memory of a room is known before its allocation."""
     first = SurfaceRoom()
     assert SurfaceRoom.holding((1.0, 1.0, 1.0), 0.05, 1000) == first
     many = SurfaceRoom.holding((1.0, 1.0, 1.0), 0.05, 40_000)

@@ -17,8 +17,7 @@ def apart(seed: int) -> np.ndarray:
 
 
 def test_drops_are_round_and_have_their_volume(water):
-    """A drop is a sphere of its particle's volume. Regression: drops were polyhedra whose distances
-    from the centre varied by 13 %."""
+    """Regression: drops were polyhedra whose distances from the centre varied by 13 %."""
     for seed in range(2):
         x = apart(seed)
         water.fill(x)
@@ -36,8 +35,7 @@ def test_drops_are_round_and_have_their_volume(water):
 
 
 def test_drops_on_walls_are_round(water):
-    """A drop at a wall is as wide along all axes and has its particle's volume. Regression: drops
-    on walls were flat octagons."""
+    """Regression: drops on walls were flat octagons."""
     beside = 0.4 * FINE
     x = np.array([(beside, 0.2, 0.2), (0.3, beside, 0.1), (0.5, 0.3, SIZE[2] - beside)])
     water.fill(x)
