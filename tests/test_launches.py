@@ -25,14 +25,7 @@ from msph.launches import (
     use_traits,
     watch_compiling,
 )
-from msph.taichi_internals import (
-    EQUAL_PARTS,
-    GRID,
-    PLAIN,
-    SWITCH,
-    _in_class_body,
-    _source_lines,
-)
+from msph.taichi_internals import EQUAL_PARTS, GRID, PLAIN, SWITCH, _in_class_body, _source_lines
 from tests.command_kit import python
 
 SIZE = 8

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import taichi as ti
 
+from bench import tanks
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.particles.neighbour_list import PAIR_REACH
@@ -58,14 +59,16 @@ def advance(sim, frames, external=None, frame=FRAME):
         sim.advance(frame, external or ExternalForces())
 
 
-def record(sim, seconds, gravity=GRAVITY, frame=FRAME):
-    """Runs a simulation; returns a ledger with an entry at the start and after each frame."""
+def ledger_of(sim, gravity=GRAVITY):
+    """Returns a ledger without density errors that has an entry."""
     ledger = Ledger(sim, density_every=math.inf)
     ledger.record(gravity)
-    for _ in range(round(seconds / frame)):
-        sim.advance(frame, ExternalForces(gravity))
-        ledger.record(gravity)
     return ledger
+
+
+def record(sim, seconds, gravity=GRAVITY, frame=FRAME):
+    """Runs a simulation; returns a ledger with an entry at the start and after each frame."""
+    return tanks.recorded(sim, seconds, lambda _: ExternalForces(gravity), frame=frame)
 
 
 def parts(sim):
@@ -236,18 +239,3 @@ def repulsion(q):
     derivative by q."""
     u = np.clip(1.0 - q / 0.7, 0.0, None)
     return 0.1 * u**2, -0.2 / 0.7 * u
-
-
-SIZE = (1.6, 1.6, 1.6)
-FINE, COARSE = (spec_of(d, 2.5) for d in (0.03, 0.06))
-
-
-def colliding_balls():
-    """Returns a simulation of a fine and a coarse ball (masses of particles 1 : 8) that collide off
-    centre."""
-    fine = ball((0.67, 0.82, 0.8), 0.12, 0.03, offset=0.0)
-    coarse = ball((0.96, 0.78, 0.8), 0.15, 0.06, offset=0.0)
-    x, first = np.concatenate([fine, coarse]), np.arange(len(fine) + len(coarse)) < len(fine)
-    v = np.where(first, 1.5, -1.0)[:, None] * [1.0, 0.0, 0.0]
-    x += np.random.default_rng(0).uniform(-1e-3, 1e-3, x.shape)
-    return simulate(SIZE, [FINE, COARSE], x, ~first, v)

@@ -121,7 +121,6 @@ def test_water_does_not_stick_to_walls_after_a_splash():
     advance(sim, 120)
     x = sim.particles.numpy("x")
     gap = np.minimum(x, size - x).min(axis=1) / D
-    sim.close()
     # 4 % of the particles near walls; without the repulsion 20 to 26 %.
     assert (gap < 0.15).sum() < 0.08 * (gap < 1.1).sum()
 
@@ -265,4 +264,3 @@ def test_the_topmost_sheet_of_still_water_is_not_crowded():
     top = height > 7.0
     assert 0.9 * 100 < top.sum() < 1.1 * 100
     assert height[top].mean() == pytest.approx(7.5, abs=0.1)
-    sim.close()

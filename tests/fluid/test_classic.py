@@ -124,14 +124,12 @@ def test_only_symmetrised_pressures_conserve_momentum_across_layers():
 
 @pytest.fixture
 def lone():
-    """Yields a simulation of one particle, on which only gravity, the hand, walls and the inertia
+    """Returns a simulation of one particle, on which only gravity, the hand, walls and the inertia
     of the box act."""
     x, v = np.array([[0.4, 0.6, 0.4]]), (0.3, 1.0, 0.0)
     half = LayerSpec(0.05, 1000.0, 2.0, gravity_factor=0.5)
     terms = ClassicParameters(tension=False)
-    sim = simulate(SIZE, [half], x, v=v, terms=terms, restitution=0.5)
-    yield sim
-    sim.close()
+    return simulate(SIZE, [half], x, v=v, terms=terms, restitution=0.5)
 
 
 def test_free_fall_follows_position_verlet_and_the_layers_gravity(lone):
@@ -185,9 +183,7 @@ def column(request):
     """Still water of one layer, ten spacings deep."""
     layer = LayerSpec(1000.0 * D**3, 1000.0, 2.0, viscosity=10.0)
     terms = ClassicParameters(pressure_form=request.param)
-    sim = simulate(TANK, [layer], lattice((12, 10, 12), D), terms=terms)
-    yield sim
-    sim.close()
+    return simulate(TANK, [layer], lattice((12, 10, 12), D), terms=terms)
 
 
 def settled_pressure_slope(sim):

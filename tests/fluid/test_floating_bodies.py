@@ -2,11 +2,13 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 import taichi as ti
 
+from bench import tanks
 from msph.errors import BlowUpError
 from msph.fluid.boundary import collisions
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion
@@ -14,8 +16,16 @@ from msph.fluid.external_forces import ExternalForces
 from msph.fluid.moving_box import MovingBox
 from msph.fluid.simulation import FullError
 from msph.launches import watch_compiling
-from msph.measure.ledger import Ledger
-from tests.fluid.fluid_kit import GRAVITY, advance, block_of, parts, record, simulate, spec_of
+from tests.fluid.fluid_kit import (
+    GRAVITY,
+    advance,
+    block_of,
+    ledger_of,
+    parts,
+    record,
+    simulate,
+    spec_of,
+)
 
 D = 0.04
 LAYER = spec_of(D)
@@ -220,8 +230,7 @@ def test_a_body_added_in_the_water_takes_its_place():
     """Regression: the water inside was moved to the body's face, 14 times as dense, and burst."""
     sim = simulation(0.28, [])
     record(sim, 0.2)
-    ledger = Ledger(sim, density_every=math.inf)
-    ledger.record(GRAVITY)
+    ledger = ledger_of(sim)
     sim.add_body(ball((0.24, 0.12, 0.24), 0.08, 1000.0), GRAVITY)
     volume = 4.0 / 3.0 * np.pi * 0.08**3
     assert sim.rim.outflow == pytest.approx(1000.0 * volume, rel=0.1)
@@ -251,8 +260,7 @@ def test_measuring_the_density_does_not_change_a_run_with_a_gap():
 
 def test_the_ledger_counts_an_added_body_as_work_and_impulse_of_the_user():
     sim = simulation(0.2, [])
-    ledger = Ledger(sim, density_every=math.inf)
-    ledger.record(GRAVITY)
+    ledger = ledger_of(sim)
     sim.add_body(block((0.32, 0.35, 0.32), 0.12, 500.0, velocity=(0.5, -1.0, 0.0)), GRAVITY)
     ledger.record(GRAVITY)
     mass = 500.0 * 0.12**3
@@ -281,13 +289,9 @@ def test_a_body_above_the_floor_of_a_shaken_tank_gains_no_energy():
     """Regression: the pressure in gaps acted on the body without an opposite."""
     box = Block(np.array((0.08, 0.006, 0.06)), np.array((0.36, 0.2, 0.42)), Motion(), 18.6)
     sim = simulation(0.28, [box])
-    ledger = Ledger(sim, density_every=math.inf)
 
     def path(t):
         return np.array((0.03 * math.sin(14 * t), -0.03 * math.sin(12 * t), 0.0)), np.eye(3)
 
-    for _ in range(20):
-        moving = MovingBox(GRAVITY, path, sim.time)
-        ledger.record(moving.gravity)
-        sim.advance(1 / 60, moving)
+    ledger = tanks.recorded(sim, 20 / 60, partial(MovingBox, GRAVITY, path))
     assert ledger.energy_gain() < 0.01

@@ -11,15 +11,7 @@ from msph.fluid.projection.solver import Projection
 from msph.measure.probes import FrontProbe
 from msph.measure.snapshot import Snapshot
 from msph.scene.library import assets
-from tests.fluid.fluid_kit import (
-    advance,
-    energies,
-    lattice,
-    masses,
-    simulate,
-    spec_of,
-    vectors,
-)
+from tests.fluid.fluid_kit import advance, energies, lattice, masses, simulate, spec_of, vectors
 
 G = 9.81
 

@@ -43,10 +43,8 @@ def simulate(*openings: Opening, height: float = 0.2, capacity: int = 4000) -> S
 
 @pytest.fixture
 def through_flow():
-    """Yields water that enters through the floor and leaves through a hole in the floor."""
-    sim = simulate(disc(FLOOR, UP, True, 0.6), disc((0.07, 0.0, 0.07), DOWN, False, None, 0.06))
-    yield sim
-    sim.close()
+    """Returns water that enters through the floor and leaves through a hole in the floor."""
+    return simulate(disc(FLOOR, UP, True, 0.6), disc((0.07, 0.0, 0.07), DOWN, False, None, 0.06))
 
 
 def test_mass_and_momentum_that_enter_and_leave_are_recorded(through_flow):
@@ -118,7 +116,6 @@ def test_energy_that_enters_is_recorded():
     assert ledger.entries[-1].inflow_mass > 0.1
     particle_energy = sim.plan.specs[0].mass * (0.5 * 1.0**2 + 9.81 * 0.27)
     assert np.abs(np.diff(energies)).max() < 1e-4 * particle_energy
-    sim.close()
 
 
 def test_the_volume_flow_of_an_inflow_is_area_times_speed():
@@ -142,7 +139,6 @@ def test_a_closed_inflow_holds_the_water():
     assert ledger.entries[-1].inflow_mass == 0.0
     assert ledger.entries[-1].kinetic < 0.02 * ledger.entries[-1].mass
     assert sim.particles.numpy("x")[:, 1].min() > -ZONE * D
-    sim.close()
 
 
 def test_water_in_pipes_is_no_error_of_the_initial_mass():
@@ -152,7 +148,6 @@ def test_water_in_pipes_is_no_error_of_the_initial_mass():
     laid = water_mass(scene, sim)
     assert sum(sim.counts()) > len(sim.initial["x"])
     assert laid["mass_laid_error"] == pytest.approx(0.0, abs=1e-3)
-    sim.close()
 
 
 def test_water_leaves_a_hole_at_the_speed_of_torricelli():
@@ -166,7 +161,6 @@ def test_water_leaves_a_hole_at_the_speed_of_torricelli():
     assert np.linalg.norm(v[jet], axis=1).mean() == pytest.approx(math.sqrt(19.62 * head), rel=0.1)
     assert entry.outflow_mass > 1.0
     assert sim.contact.leaked() == 0
-    sim.close()
 
 
 def test_a_pump_takes_its_rate_only_where_water_is_near():
@@ -181,7 +175,6 @@ def test_a_pump_takes_its_rate_only_where_water_is_near():
     before = sim.rim.outflow
     record(sim, 0.2)
     assert sim.rim.outflow == before
-    sim.close()
 
 
 def test_a_drain_in_the_box_removes_water_without_drops():
@@ -193,7 +186,6 @@ def test_a_drain_in_the_box_removes_water_without_drops():
     )
     assert sim.rim.outflow > 1.0
     assert not (sim.rim.drops.life.to_numpy() > 0.0).any()
-    sim.close()
 
 
 def test_a_full_pool_slows_the_inflow_with_a_message():
@@ -206,7 +198,6 @@ def test_a_full_pool_slows_the_inflow_with_a_message():
     assert ledger.mass_change() == pytest.approx(0.0, abs=1e-6)
     sim.reset()
     assert sim.openings.message() is None
-    sim.close()
 
 
 @pytest.mark.parametrize("ball", (None, Ball(np.full(3, 0.2), 0.1)), ids=("water", "ball"))
@@ -222,7 +213,6 @@ def test_a_full_box_stops_the_inflow_with_a_message(ball):
     assert 0.93 * space < sim.particles.count * D**3 <= space
     assert "the box is full" in (sim.openings.message() or "")
     assert Ledger(sim).record(GRAVITY).solver_residual_mean < 0.02
-    sim.close()
 
 
 def test_openings_are_added_and_removed_in_a_running_simulation():
@@ -246,7 +236,6 @@ def test_openings_are_added_and_removed_in_a_running_simulation():
     assert len(sim.openings.all) == 1
     sim.reset()
     assert len(sim.openings.all) == 1 and sim.time == 0.0
-    sim.close()
 
 
 def test_the_solver_residual_leaves_out_particles_in_inflows():
@@ -262,7 +251,6 @@ def test_the_solver_residual_leaves_out_particles_in_inflows():
     entry = Ledger(sim, density_every=0.0).record(GRAVITY)
     assert sim.particles.numpy("density").max() > 1.3 * 1000.0
     assert entry.solver_residual_max < 0.1
-    sim.close()
 
 
 def test_layers_adapt_between_inflow_and_hole():
@@ -277,7 +265,6 @@ def test_layers_adapt_between_inflow_and_hole():
     assert ledger.entries[-1].outflow_mass > 1.0 and ledger.entries[-1].inflow_mass > 5.0
     assert sum(sim.solver.adaptation.totals) > 10
     assert len(np.unique(sim.particles.numpy("id"))) == sim.particles.count
-    sim.close()
 
 
 def test_a_tap_whose_pipe_reaches_above_the_lid_is_refused():
@@ -309,7 +296,6 @@ def test_a_wall_shows_no_body_to_water_in_a_pipe_beyond_it():
     in_pipe = sim.particles.numpy("x")[:, 1] < 0.0
     assert in_pipe.sum() > 5
     assert sim.particles.numpy("density")[in_pipe].max() < 1.1 * 1000.0
-    sim.close()
 
 
 def test_an_inflow_in_a_body_is_refused():

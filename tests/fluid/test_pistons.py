@@ -1,14 +1,11 @@
 """Pistons (moving walls of the box): pressure at rest, momentum and energy."""
 
-import math
-
 import numpy as np
 import pytest
 
 from msph.fluid.boundary.pistons import Stroke
 from msph.fluid.external_forces import ExternalForces
-from msph.measure.ledger import Ledger
-from tests.fluid.fluid_kit import FRAME, GRAVITY, block_of, imbalance, simulate, spec_of
+from tests.fluid.fluid_kit import FRAME, GRAVITY, block_of, imbalance, ledger_of, simulate, spec_of
 
 D = 0.05
 SIZE, DEPTH = (0.8, 0.5, 0.25), 0.2
@@ -19,9 +16,7 @@ LOW, FAR = 1, 8  # walls normal to x
 def sim(request):
     """A pool with the spacing given by the test's parameter [m], by default D."""
     d = getattr(request, "param", D)
-    sim = simulate(SIZE, [spec_of(d)], block_of((SIZE[0], DEPTH, SIZE[2]), d))
-    yield sim
-    sim.close()
+    return simulate(SIZE, [spec_of(d)], block_of((SIZE[0], DEPTH, SIZE[2]), d))
 
 
 def run(sim, ledger, frames, speed=None):
@@ -30,12 +25,6 @@ def run(sim, ledger, frames, speed=None):
             sim.piston.steer(sim.time, speed, FRAME)
         sim.advance(FRAME, ExternalForces(GRAVITY))
         ledger.record(GRAVITY)
-
-
-def ledger_of(sim):
-    ledger = Ledger(sim, density_every=math.inf)
-    ledger.record(GRAVITY)
-    return ledger
 
 
 @pytest.mark.parametrize("wall", [LOW, FAR])

@@ -9,7 +9,6 @@ from tests.fluid.fluid_kit import (
     WEIGHTLESS,
     advance,
     all_pairs,
-    colliding_balls,
     lattice,
     listed,
     masses,
@@ -18,13 +17,6 @@ from tests.fluid.fluid_kit import (
     simulate,
     vectors,
 )
-
-
-@pytest.fixture
-def collision():
-    sim = colliding_balls()
-    yield sim
-    sim.close()
 
 
 def test_crowds_are_crowded_particles_and_their_neighbours(collision):

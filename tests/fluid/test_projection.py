@@ -10,12 +10,10 @@ from msph.fluid.projection.solver import MOTION_FACTOR
 from msph.fluid.projection.virial_pressure import BULK_WEIGHT, SURFACE_WEIGHT
 from msph.taichi_internals import longest_float
 from tests.fluid.fluid_kit import (
-    FINE,
     WEIGHTLESS,
     YIELD,
     advance,
     all_pairs,
-    colliding_balls,
     displacements,
     energies,
     fill,
@@ -30,13 +28,6 @@ from tests.fluid.fluid_kit import (
     simulate,
     spec_of,
 )
-
-
-@pytest.fixture
-def collision():
-    sim = colliding_balls()
-    yield sim
-    sim.close()
 
 
 def test_collision_of_water_gains_no_energy(collision):
@@ -130,7 +121,7 @@ def test_pair_impulses_sum_to_zero(collision):
     before = p.numpy("v")
     solver.impulses.clear()
     solver.pressure_solve.accelerate(dt, ExternalForces())
-    pushed = FINE.mass * np.linalg.norm(p.numpy("v") - before, axis=1).sum()
+    pushed = collision.layers.finest.mass * np.linalg.norm(p.numpy("v") - before, axis=1).sum()
     assert pushed > 0.1
     own, other, gradient = pairs(solver.neighbours, solver.density, p.count)
     found = zip(own.tolist(), other.tolist(), gradient, strict=True)
@@ -272,4 +263,3 @@ def test_a_particle_that_has_lost_its_neighbours_does_not_upset_the_solve():
     sim.particles.fill(**state)
     sim.advance(2e-3, ExternalForces())
     assert np.abs(sim.particles.numpy("v")).max() < 0.1
-    sim.close()

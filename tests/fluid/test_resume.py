@@ -127,12 +127,11 @@ def test_a_resumed_run_equals_the_uninterrupted_run(name, tmp_path):
             # Particles split and merge on both sides of the checkpoint.
             before, after = (set(state["id"].tolist()) for state in (earlier, later))
             assert after - before and before - after
-    sim.close()
 
 
 @pytest.fixture(scope="module")
 def rich():
-    """Yields a simulation with a floating and an added body, an added opening and a piston, and a
+    """Returns a simulation with a floating and an added body, an added opening and a piston, and a
     state."""
     floating = Block(np.array((0.06, 0.2, 0.32)), np.array((0.16, 0.3, 0.42)), Motion(), 0.4)
     sim = pool(floating, depth=0.16, open_top=True, capacity=4000)
@@ -140,8 +139,7 @@ def rich():
     sim.add_body(Ball(np.array((0.36, 0.3, 0.36)), 0.06, Motion(), 0.4), GRAVITY)
     sim.add_piston(Stroke(1))
     record(sim, 0.05)
-    yield sim, sim.state()
-    sim.close()
+    return sim, sim.state()
 
 
 def put(name, value, at=...):

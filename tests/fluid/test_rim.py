@@ -126,7 +126,6 @@ def test_water_spills_from_adaptive_layers():
     assert last.mass + last.spilt == pytest.approx(mass, rel=1e-6)
     assert sum(sim.solver.adaptation.totals) > 0
     assert len(np.unique(sim.particles.numpy("id"))) == sim.particles.count
-    sim.close()
 
 
 def test_water_that_never_returns_is_spilt():

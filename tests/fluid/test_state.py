@@ -21,9 +21,7 @@ def thrown():
     floating = Ball(START, 0.08, Motion(tuple(THROW)), 1.0)
     bodies = [floating, Ball(DRIVEN_START, 0.08, Motion(tuple(DRIVEN)))]
     x = lattice((4, 4, 4), D, corner=(0.1, 0.4, 0.5))
-    sim = simulate((1.6, 1.6, 0.9), [spec_of(D)], x, v=THROW, bodies=bodies)
-    yield sim
-    sim.close()
+    return simulate((1.6, 1.6, 0.9), [spec_of(D)], x, v=THROW, bodies=bodies)
 
 
 def state_beside(sim):

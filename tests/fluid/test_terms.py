@@ -106,7 +106,6 @@ def test_the_implicit_solve_is_finite_for_few_and_small_particles(count, spacing
     for _ in range(2):
         sim.advance(1e-5, WEIGHTLESS)
         assert np.isfinite(velocities(sim)).all() and np.isfinite(sim.particles.numpy("x")).all()
-    sim.close()
 
 
 def test_very_viscous_liquid_at_rest_stays_at_rest():

@@ -1,19 +1,16 @@
 """A body that traps water is reported by its name, and is stopped if stop_bodies is set."""
 
-import math
-
 import numpy as np
 import pytest
 
 from msph.fluid.boundary.opening import Opening, Valve
 from msph.fluid.trapped_water import TrappedWaterError
-from msph.measure.ledger import Ledger
 from msph.scene import build_simulation, load_scene
 from msph.stage.headless import Headless
 from msph.stage.loop import run
 from msph.stage.row import Row
 from msph.stage.show import Show
-from tests.fluid.fluid_kit import GRAVITY, WEIGHTLESS, advance
+from tests.fluid.fluid_kit import GRAVITY, WEIGHTLESS, advance, ledger_of
 
 # A piston as wide as the box, above a ball at rest in the water.
 PISTON = """
@@ -89,7 +86,7 @@ def test_a_frame_that_is_undone_leaves_no_trace_in_the_ledger(tmp_path):
     """Regression: water that had left through outflows, or had entered in the frame, was forgotten
     or counted twice, so that the mass changed by up to 60 %."""
     sim = build_simulation(load(tmp_path, *MOTIONS["slow"]))
-    ledger = Ledger(sim, density_every=math.inf)
+    ledger = ledger_of(sim)
     advance(sim, 3)
     spout = Opening(
         np.array([0.05, 0.0, 0.05]), np.array([0.0, 1.0, 0.0]), (0.03, 0.03), True, Valve(0.5)

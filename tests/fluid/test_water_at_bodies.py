@@ -1,18 +1,15 @@
 """Water at bodies: hydrostatic pressure, buoyancy, and no gain of energy."""
 
-import math
-
 import numpy as np
 import pytest
 import trimesh
 
+from bench import tanks
 from bench.held_bodies import sphere
 from msph.fluid.boundary.body_faces import samples
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
-from msph.fluid.external_forces import ExternalForces
-from msph.measure.ledger import Ledger
 from msph.measure.snapshot import Snapshot
-from tests.fluid.fluid_kit import GRAVITY, advance, block_of, simulate, spec_of
+from tests.fluid.fluid_kit import advance, block_of, record, simulate, spec_of
 
 D, RADIUS, DEPTH = 0.04, 0.1, 0.4
 SIZE = (1.2, 0.6, 0.48)
@@ -38,12 +35,9 @@ def pool():
 def rest(pool):
     """Returns snapshots and ledger of 0.5 s of settled, still water, and its level [m]."""
     pool.reset()
-    ledger, waters = Ledger(pool, density_every=math.inf), []
-    for frame in range(90):
-        advance(pool, 1)
-        if frame >= 60:
-            ledger.record(GRAVITY)
-            waters.append(Snapshot.of(pool))
+    advance(pool, 60)
+    waters = []
+    ledger = tanks.recorded(pool, 0.5, read=lambda: waters.append(Snapshot.of(pool)))
     (x0, _, z0), (x1, _, z1) = PILLAR
     area = SIZE[0] * SIZE[2] - (x1 - x0) * (z1 - z0)
     return waters, ledger, (pool.particles.count * D**3 + 2.0 * SUNK) / area
@@ -87,11 +81,8 @@ def test_buoyancy_in_the_ledger_is_the_displaced_weight(rest):
 def test_water_under_slanted_gravity_gains_no_energy_from_bodies(pool):
     """Regression: water that slid along a wall fell without end, by tens of percent in 1 s."""
     pool.reset()
-    ledger, gravity = Ledger(pool, density_every=math.inf), (5.0, -6.5, 5.0)
-    ledger.record(gravity)
-    for _ in range(75):
-        pool.advance(1 / 60, ExternalForces(gravity))
-        assert ledger.record(gravity).outside == 0
+    ledger = record(pool, 75 / 60, (5.0, -6.5, 5.0))
+    assert not any(e.outside for e in ledger.entries)
     assert max(e.kinetic for e in ledger.entries) > 0.05 * ledger.reference_energy()
     assert ledger.energy_rise() < 1e-3
 

@@ -121,7 +121,7 @@ def test_capacities_grow_separately_and_up_to_the_range_of_indices():
     assert grown(FIRST.entries, MAX_SIZE + 1) == MAX_SIZE + 1
 
 
-def test_sixty_four_bodies_and_a_container_fit(tmp_path):
+def test_sixty_four_bodies_and_a_container_fit():
     """A scene with the largest allowed number of bodies runs."""
     balls = [
         {"centre": [0.2 + 0.02 * (k % 8), 0.3, 0.2 + 0.02 * (k // 8)], "radius": 0.03}

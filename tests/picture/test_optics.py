@@ -3,13 +3,7 @@ import pytest
 import taichi as ti
 
 from msph.picture.look import Look
-from msph.picture.optics import (
-    bend,
-    cosine_beyond,
-    reflectance,
-    refracted,
-    transmittance,
-)
+from msph.picture.optics import bend, cosine_beyond, reflectance, refracted, transmittance
 
 vec3 = ti.math.vec3
 WATER_INDEX = Look().refractive_index

@@ -1,15 +1,6 @@
 import numpy as np
 import pytest
-from surface_kit import (
-    FINE,
-    SIZE,
-    Water,
-    as_trimesh,
-    assert_closed,
-    assert_same,
-    middles,
-    packed,
-)
+from surface_kit import FINE, SIZE, Water, as_trimesh, assert_closed, assert_same, middles, packed
 
 from msph.fluid.boundary.rigid_bodies import Ball, Block
 
