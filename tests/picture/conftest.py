@@ -27,12 +27,10 @@ def built(mesh):
     return Picture(mesh, boundary_of(BOX, [LAYER]), thin=ti.data_oriented(NoDrops)())
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def picture(built):
-    """Returns the picture that the tests share, without bodies; tests set bodies by `boundary_of`.
-
-    Regression: bodies that tests of other files had left in the shared boundary were drawn.
-    """
+    """Returns the picture that the tests share, without bodies; tests set bodies by `boundary_of`,
+    and may load other boxes and looks."""
     boundary_of(BOX, [LAYER])
     built.load(WIDTH, HEIGHT, BOX)
     return built

@@ -4,7 +4,7 @@ that its images do not depend on the images before them."""
 import numpy as np
 import pytest
 import taichi as ti
-from picture_kit import BOX, HEIGHT, WIDTH, ball
+from picture_kit import BOX, ball
 
 from msph.fluid.boundary.rigid_bodies import Ball
 from msph.fluid.particles.layers import LayerSpec
@@ -56,15 +56,6 @@ def draw(picture, image, spheres):
 SPECS = [LayerSpec(1000.0 * 0.04**3, 1000.0, 2.0)]
 
 
-@pytest.fixture
-def picture(picture):
-    """Yields the picture that all tests share."""
-    picture.mesh.fill(*ball((0.3, 0.3, 0.35), 0.2))
-    yield picture
-    boundary_of(BOX, SPECS)
-    picture.load(WIDTH, HEIGHT, BOX)
-
-
 BODIES = [[], [Ball(np.array((0.4, 0.3, 0.2)), 0.1)]]
 
 
@@ -72,6 +63,7 @@ BODIES = [[], [Ball(np.array((0.4, 0.3, 0.2)), 0.1)]]
 def test_other_scenes_and_sizes_compile_no_kernels_and_repeat_their_images(
     picture, spheres, bodies
 ):
+    picture.mesh.fill(*ball((0.3, 0.3, 0.35), 0.2))
     boundary_of(FLAT, SPECS, bodies)
     first = draw(picture, IMAGES[-1], spheres)
     for image in IMAGES[:3]:

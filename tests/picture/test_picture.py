@@ -193,7 +193,6 @@ def test_the_level_map_has_no_gaps_under_a_coarse_mesh(picture, mesh):
     picture.draw_water(camera())
     nx, nz = picture.lens.numbers["level_cells"].astype(int)
     level = picture.sunlight.level.to_numpy()[:nx, :nz]
-    picture.load(WIDTH, HEIGHT, BOX)
     np.testing.assert_allclose(level, LEVEL, atol=1e-6)
 
 
@@ -211,7 +210,6 @@ def test_bubbles_whiten_thin_water_in_the_air_but_not_a_lump(picture, mesh):
         i, j = np.nonzero(covered(picture.raster))
         inside = np.hypot(i - i.mean(), j - j.mean()) < 0.5 * (np.ptp(i) / 2)
         found.append(change[i[inside], j[inside]].mean())
-    picture.load(WIDTH, HEIGHT, BOX)
     assert found[0] > 0.1 and found[1] < 0.01, found
 
 
@@ -317,4 +315,3 @@ def test_background_is_a_gradient_where_nothing_is_drawn(picture, mesh):
         assert shown[i, 0] == pytest.approx(low, abs=0.01)
         assert shown[i, HEIGHT - 1] == pytest.approx(high, abs=0.02)
         assert (np.diff(shown[i, :, 1]) >= -1e-3).all()
-    picture.load(WIDTH, HEIGHT, BOX)

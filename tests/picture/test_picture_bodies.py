@@ -1,7 +1,6 @@
 """Tests of rendered bodies: rays against spheres by formula, shadows, and visibility."""
 
 import numpy as np
-import picture_kit as kit
 import pytest
 import taichi as ti
 import trimesh
@@ -90,12 +89,19 @@ def lit(built):
     return Lit(built)
 
 
-@pytest.fixture
-def picture(picture):
-    """Yields the picture that all tests share; a test sets the bodies of the boundary first."""
-    yield picture
-    boundary_of(kit.BOX, [LAYER])
-    picture.load(kit.WIDTH, kit.HEIGHT, kit.BOX)
+def framing(*angles):
+    return Camera.framing(BOX, WIDTH / HEIGHT, *angles)
+
+
+def draw(picture, bodies, view=None, water=None):
+    """Draws bodies and a mesh of water, if given."""
+    boundary_of(BOX, [LAYER], bodies)
+    picture.load(WIDTH, HEIGHT, BOX)
+    if water:
+        picture.mesh.fill(*water)
+    else:
+        picture.mesh.counts.fill(0)
+    picture.draw_water(view or framing())
 
 
 def sphere(p, r, centre, radius):
@@ -179,10 +185,7 @@ def test_a_ball_shades_the_floor_with_a_penumbra_in_proportion_to_its_distance(
     """The middle of the shadow is dark, and half of the light passes at its outline."""
     middle = np.array((0.5, 0.0, 0.5))
     sun = Look().sun_direction()
-    boundary_of(BOX, [LAYER], [Ball(middle + sun * height / sun[1], RADIUS)])
-    picture.load(WIDTH, HEIGHT, BOX)
-    picture.mesh.counts.fill(0)
-    picture.draw_water(Camera.framing(BOX, WIDTH / HEIGHT))
+    draw(picture, [Ball(middle + sun * height / sun[1], RADIUS)])
     # Across the light, the outline of the shadow is a circle of the ball's radius.
     across = unit(np.cross(sun, (0.0, 1.0, 0.0))[None])
     x = np.linspace(-0.4, 0.4, 801)
@@ -195,10 +198,7 @@ def test_a_ball_shades_the_floor_with_a_penumbra_in_proportion_to_its_distance(
 
 
 def test_the_lit_side_of_a_body_is_not_in_its_own_shadow(picture, lit):
-    boundary_of(BOX, [LAYER], [Ball(BALL, RADIUS), Block(*np.array(PLINTH))])
-    picture.load(WIDTH, HEIGHT, BOX)
-    picture.mesh.counts.fill(0)
-    picture.draw_water(Camera.framing(BOX, WIDTH / HEIGHT))
+    draw(picture, [Ball(BALL, RADIUS), Block(*np.array(PLINTH))])
     sun = picture.lens.numbers["sun"]
     n = unit(np.random.default_rng(5).normal(size=(2000, 3)))
     share, facing = lit.at(BALL + RADIUS * n), n @ sun
@@ -218,12 +218,8 @@ def unit(v):
 
 
 def test_a_body_hides_water_behind_it_but_not_in_front_of_it(picture):
-    boundary_of(BOX, [LAYER], [Ball(np.array((0.5, 0.5, 0.5)), 0.2)])
-    mesh = picture.mesh
-    picture.load(WIDTH, HEIGHT, BOX)
-    view = Camera.framing(BOX, WIDTH / HEIGHT, azimuth=0.0, elevation=0.2)
-    mesh.counts.fill(0)
-    picture.draw_water(view)
+    view = framing(0.0, 0.2)
+    draw(picture, [Ball(np.array((0.5, 0.5, 0.5)), 0.2)], view)
     dry = picture.image.to_numpy()
     d = rays(picture.lens.numbers, WIDTH, HEIGHT).reshape(-1, 3)
     length = np.linalg.norm(d, axis=1)
@@ -237,9 +233,8 @@ def test_a_body_hides_water_behind_it_but_not_in_front_of_it(picture):
     )
     # A drop behind the ball does not change the image, a drop in front of it does.
     for z, shown in ((0.15, False), (0.85, True)):
-        mesh.fill(
-            *ball(view.eye + (0.5 - view.eye) * (view.eye[2] - z) / (view.eye[2] - 0.5), 0.06)
-        )
+        place = view.eye + (0.5 - view.eye) * (view.eye[2] - z) / (view.eye[2] - 0.5)
+        picture.mesh.fill(*ball(place, 0.06))
         picture.draw_water(view)
         drop = covered(picture.raster, WIDTH, HEIGHT)
         assert (drop & inside).sum() > 5
@@ -250,12 +245,9 @@ def test_a_body_hides_water_behind_it_but_not_in_front_of_it(picture):
 def test_the_light_of_a_body_is_in_proportion_to_its_albedo(picture):
     """What a black body shows is the reflection of the glass in front of it."""
     centre, radius = np.array((0.5, 0.5, 0.5)), 0.2
-    picture.mesh.counts.fill(0)
-    view, shown = Camera.framing(BOX, WIDTH / HEIGHT, azimuth=0.0, elevation=0.2), []
+    shown = []
     for albedo in (None, (0.3, 0.5, 0.1), (0.0, 0.0, 0.0)):
-        boundary_of(BOX, [LAYER], [Ball(centre, radius, albedo=albedo)])
-        picture.load(WIDTH, HEIGHT, BOX)
-        picture.draw_water(view)
+        draw(picture, [Ball(centre, radius, albedo=albedo)], framing(0.0, 0.2))
         shown.append(linear(picture.image.to_numpy()))
     d = unit(rays(picture.lens.numbers, WIDTH, HEIGHT).reshape(-1, 3))
     near, _ = sphere(picture.lens.numbers["eye"][None], d, centre, 0.6 * radius)
@@ -291,10 +283,7 @@ def test_a_painted_body_shows_the_colours_of_its_triangles(picture):
     front = box.face_normals[:, 2] > 0.5
     paint = np.where(front[:, None], (0.02, 0.02, 0.02), (0.9, 0.9, 0.9))
     cube = Solid(np.array(box.vertices), np.array(box.faces), paint=paint)
-    boundary_of(BOX, [LAYER], [cube])
-    picture.mesh.counts.fill(0)
-    picture.load(WIDTH, HEIGHT, BOX)
-    picture.draw_water(Camera.framing(BOX, WIDTH / HEIGHT, azimuth=0.0, elevation=0.5))
+    draw(picture, [cube], framing(0.0, 0.5))
     image, depth = linear(picture.image.to_numpy()), body_depth(picture)
     light = image[depth < 100.0].mean(axis=-1)
     dark = light < 0.2
@@ -307,7 +296,7 @@ def test_the_waterline_at_a_container_is_exact(picture, boundary):
     level = 0.4
     picture.mesh.fill(*still_water(level))
     picture.load(WIDTH, HEIGHT, BOX)
-    picture.draw_water(Camera.framing(BOX, WIDTH / HEIGHT, azimuth=0.3, elevation=0.35))
+    picture.draw_water(framing(0.3, 0.35))
     d = unit(rays(picture.lens.numbers, WIDTH, HEIGHT).reshape(-1, 3))
     eye = picture.lens.numbers["eye"]
     near, far = sphere(np.tile(eye, (len(d), 1)), d, SHELL, ROOM)
@@ -334,13 +323,10 @@ def test_a_body_has_no_film_of_water_where_the_glass_cuts_it(picture):
     """Where the glass cuts a body, wetness adds only the reflection of the pane. Regression: near
     its edges, where the nearest side faced away, the body reflected the sky."""
     lo, hi = np.array((-0.5, -0.5, -0.5)), np.array((0.4, 0.9, 1.5))
-    boundary_of(BOX, [LAYER], [Block(lo, hi)])
-    picture.load(WIDTH, HEIGHT, BOX)
-    view = Camera.framing(BOX, WIDTH / HEIGHT, azimuth=0.25, elevation=0.1)
+    view, images = framing(0.25, 0.1), []
     view.target = np.array((0.4, 0.4, 1.0))
     view.zoom(0.05)
-    picture.mesh.counts.fill(0)
-    images = []
+    draw(picture, [Block(lo, hi)], view)
     for wet in (0.0, 1.0):
         picture.wetness.wet.fill(wet)
         picture.view = None
@@ -360,7 +346,7 @@ def test_moving_bodies_redraw_their_surroundings_only(picture):
     bodies = [Ball(np.array((0.4, 0.5, 0.5)), 0.08, motion=swinging), Block(*np.array(PLINTH))]
     body, mesh = boundary_of(BOX, [LAYER], bodies), picture.mesh
     picture.load(4 * WIDTH, 4 * HEIGHT, BOX, Look(drying=0.0))
-    view = Camera.framing(BOX, WIDTH / HEIGHT, azimuth=0.5, elevation=0.5)
+    view = framing(0.5, 0.5)
 
     def image(frame, whole):
         mesh.fill(*still_water(0.3 + 0.27 * np.sin(2.0 * frame)))
@@ -389,13 +375,10 @@ def test_moving_bodies_redraw_their_surroundings_only(picture):
 def test_a_ball_seen_through_the_glass_from_below_has_no_step_at_its_waterline(picture):
     """Regression: the ball that the surface reflects was shaded as if inside, in shadow."""
     level = 0.4
-    picture.mesh.fill(*still_water(level, n=32))
-    boundary_of(BOX, [LAYER], [Ball(np.array((0.5, 0.3, 0.4)), 0.3)])
-    picture.load(WIDTH, HEIGHT, BOX)
-    view = Camera.framing(BOX, WIDTH / HEIGHT, azimuth=0.0, elevation=-0.45)
+    view = framing(0.0, -0.45)
     view.target = np.array((0.5, level, 0.5))
     view.zoom(0.5)
-    picture.draw_water(view)
+    draw(picture, [Ball(np.array((0.5, 0.3, 0.4)), 0.3)], view, still_water(level, n=32))
     rows = covered(picture.raster, WIDTH, HEIGHT)[WIDTH // 2]
     red, green, _ = colours(picture.fields.canvas.to_numpy()[WIDTH // 2, :HEIGHT][rows]).T
     clay = red > 0.8 * green

@@ -27,7 +27,6 @@ def sees_sky(picture, camera):
         picture.change(picture.look)
         picture.draw_water(camera)
         shown.append(canvas_of(picture))
-    picture.load(WIDTH, HEIGHT, BOX)
     return abs(shown[1] - shown[0]).max(axis=-1) > 0.02, shown[0].min(axis=-1) > 0.9
 
 
@@ -50,7 +49,6 @@ def test_the_sky_is_seen_in_snells_window_only(picture, under):
 
 def test_the_image_changes_only_where_the_eye_crosses_the_surface(picture, mesh):
     mesh.fill(*still_water())
-    picture.load(WIDTH, HEIGHT, BOX)
     wet = []
     for eye in (LEVEL + 0.01, LEVEL - 0.01):
         picture.draw_water(Camera(np.array((0.5, eye, 0.4)), 0.0, 0.0, 0.1))
@@ -71,5 +69,4 @@ def test_water_is_darker_far_below_its_surface(picture, mesh):
     for height in (0.9 * LEVEL, 0.1 * LEVEL):
         picture.draw_water(Camera(np.array((0.5, height, 0.5)), 0.0, 0.0, 0.4))
         shown.append(canvas_of(picture)[:, HEIGHT // 2].mean())
-    picture.load(WIDTH, HEIGHT, BOX)
     assert shown[1] < 0.8 * shown[0]
