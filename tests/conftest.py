@@ -4,6 +4,7 @@ import os
 
 import pytest
 
+from msph import user_cache
 from msph.device import start
 from tests.durations import DURATIONS
 
@@ -41,6 +42,13 @@ def allocate_first_world():
         first.build_once(world._solver, method)
     first.build_once(state_of).build_once(picture_of, SurfaceRoom(), PictureRoom())
     world.give_back(first)
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    """Returns the file of the user's cache, in a folder that does not exist yet."""
+    monkeypatch.setattr(user_cache, "file", lambda: tmp_path / "cache" / "measured.json")
+    return user_cache.file()
 
 
 def pytest_collection_modifyitems(items):

@@ -9,9 +9,8 @@ from msph.scene.meshes import MeshError, load_mesh
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
-    monkeypatch.setattr(kept_arrays.user_cache, "file", lambda: tmp_path / "msph" / "any.json")
-    return tmp_path / "msph" / "arrays"
+def folder(cache):
+    return cache.parent / "arrays"
 
 
 def counted():

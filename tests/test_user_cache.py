@@ -6,12 +6,6 @@ from msph import user_cache
 from msph.lesson.commands import Kept
 
 
-@pytest.fixture
-def cache(tmp_path, monkeypatch):
-    monkeypatch.setattr(user_cache, "file", lambda: tmp_path / "deeper" / "measured.json")
-    return user_cache.file()
-
-
 def test_values_are_remembered_by_key(cache):
     assert user_cache.recall("lesson", int) is None
     user_cache.remember("lesson", 35)

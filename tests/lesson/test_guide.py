@@ -20,13 +20,11 @@ from tests.lesson.lesson_kit import LESSONS
 SIZE = (480, 270)
 
 
-def test_a_lesson_resumes_where_it_was_left(tmp_path, monkeypatch):
+def test_a_lesson_resumes_where_it_was_left(cache):
     """A finished lesson starts again but remains listed as done. Regression: after resuming, the
     previous page raised an IndexError, and a finished lesson lost its completed tasks."""
-    from msph import user_cache
     from msph.lesson import commands
 
-    monkeypatch.setattr(user_cache, "file", lambda: tmp_path / "kept.json")
     course = load_lesson("kernels")
     progress = LessonProgress(course, None)
     student = Student(progress, None)

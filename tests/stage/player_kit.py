@@ -1,5 +1,6 @@
 """Test double of a window, and helpers that run a player in it."""
 
+import contextlib
 import itertools
 from dataclasses import replace
 
@@ -29,6 +30,13 @@ class Screen:
 
     def down(self, *keys):
         return any(key in self.held for key in keys)
+
+    @contextlib.contextmanager
+    def holding(self, *keys, at=None):
+        """Holds keys and buttons down, with the cursor at a position if given."""
+        self.at, self.held = self.at if at is None else at, set(keys)
+        yield
+        self.held = set()
 
     def cursor(self):
         return self.at.copy()
@@ -66,7 +74,7 @@ class Sender(Player):
         return replace(controls, set=given.set, reset=given.reset)
 
 
-def frames(player, _=None, number=1):
+def frames(player, number=1):
     """Runs frames of a player and its row; returns the last image, (width, height, 3)."""
     for _ in range(number):
         player.row.frame(player.controls(player.row))
@@ -74,9 +82,16 @@ def frames(player, _=None, number=1):
     return player.window.image.to_numpy()
 
 
-def press(player, show, *keys, number=1):
+def press(player, *keys, number=1):
     player.window.pressed += keys
-    return frames(player, show, number)
+    return frames(player, number)
+
+
+def drag(player, right, up, number):
+    """Moves the cursor by shares of the window before each of a number of frames."""
+    for _ in range(number):
+        player.window.at = player.window.at + np.array([right, up])
+        frames(player)
 
 
 def wet_pixels(show):

@@ -7,7 +7,6 @@ import numpy as np
 import psutil
 import pytest
 
-from msph import user_cache
 from msph.errors import BlowUpError
 from msph.measure.timings import Timings
 from msph.scene import load_scene
@@ -25,10 +24,10 @@ from tests.stage.test_recording import Count
 
 
 @pytest.fixture(autouse=True)
-def cache(tmp_path, monkeypatch):
-    monkeypatch.setattr(user_cache, "file", lambda: tmp_path / "cache" / "measured.json")
+def folder(cache, monkeypatch):
+    """Returns the folder of the files, which are due in every frame."""
     monkeypatch.setattr(autosave, "INTERVAL", 0.0)
-    return tmp_path / "cache"
+    return cache.parent
 
 
 @pytest.fixture
@@ -57,7 +56,7 @@ def session(row, scene, *frames, overrides=(), end=None):
             raise end
 
 
-def test_a_session_continues_where_it_was_saved(row, tmp_path, cache, others):
+def test_a_session_continues_where_it_was_saved(row, tmp_path, folder, others):
     scene = str(tmp_path / "small.toml")
     row.set("gravity", 5.0)
     with pytest.raises(BlowUpError):
@@ -71,11 +70,11 @@ def test_a_session_continues_where_it_was_saved(row, tmp_path, cache, others):
     assert np.array_equal(row.lead.simulation.state()["x"], state["x"])
     assert lost_session(SceneArguments(scene, ("title=other",))) is None
     forget()
-    assert not list(cache.iterdir()) and lost_session(SceneArguments("pool")) is None
+    assert not list(folder.iterdir()) and lost_session(SceneArguments("pool")) is None
 
 
 @pytest.mark.parametrize("end", [None, ClosedError(), KeyboardInterrupt()])
-def test_a_normal_end_removes_the_file(row, tmp_path, cache, end):
+def test_a_normal_end_removes_the_file(row, tmp_path, folder, end):
     def whole():
         session(row, str(tmp_path / "small.toml"), 3, end=end)
 
@@ -84,13 +83,13 @@ def test_a_normal_end_removes_the_file(row, tmp_path, cache, end):
             whole()
     else:
         whole()
-    assert row.lead.frames >= 3 and not list(cache.iterdir())
+    assert row.lead.frames >= 3 and not list(folder.iterdir())
 
 
-def test_a_running_session_is_not_offered(row, tmp_path, cache):
+def test_a_running_session_is_not_offered(row, tmp_path, folder):
     with pytest.raises(BlowUpError):
         session(row, str(tmp_path / "small.toml"), 3, end=BlowUpError("test"))
-    (path,) = cache.iterdir()
+    (path,) = folder.iterdir()
     assert lost_session(SceneArguments("pool")) is None
     # A file older than this process was written by another process with the same number.
     os.utime(path, (0.0, 0.0))

@@ -15,7 +15,7 @@ def scene(tmp_path):
     return load_scene(write(tmp_path))
 
 
-def test_active_parts_are_the_parts_that_a_scene_has(tmp_path, scene):
+def test_active_parts_are_the_parts_that_a_scene_has(scene):
     def active(scene):
         return [part.name for part in PARTS if part.active(scene)]
 

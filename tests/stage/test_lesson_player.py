@@ -49,25 +49,24 @@ def test_nothing_moves_while_the_question_is_open(player, row, monkeypatch):
     """Regression: the pool swayed by itself, and the keys that answer turned the camera."""
     monkeypatch.setattr(idle, "IDLE_DELAY", 0.0)
     monkeypatch.setattr(idle, "RAMP_TIME", 1e-3)
-    player.window.held = {"a", "Left"}
-    frames(player, row, 3)
-    before = row.lead.display.camera.state()
-    press(player, row, "a", number=5)
+    with player.window.holding("a", "Left"):
+        frames(player, 3)
+        before = row.lead.display.camera.state()
+        press(player, "a", number=5)
     assert row.lead.simulation.time == 0.0 and np.allclose(row.lead.pose.tilt, np.eye(3))
     assert row.lead.display.camera.state() == before
     assert player.guide.progress.answered == 1
-    player.window.held = set()
-    press(player, row, "n", number=4)
+    press(player, "n", number=4)
     assert row.lead.simulation.time == 0.0, "nor before the user acts in a task"
-    press(player, row, " ", number=4)
+    press(player, " ", number=4)
     assert row.lead.simulation.time > 0.0
     assert np.allclose(row.lead.pose.tilt, np.eye(3)), "nor does it sway in a task"
 
 
 @pytest.mark.parametrize("act", ["tilt", "push", "slider"])
 def test_a_task_starts_when_the_user_acts(player, row, act):
-    press(player, row, "a", "n", number=3)
-    frames(player, row)
+    press(player, "a", "n", number=3)
+    frames(player)
     assert row.lead.simulation.time == 0.0 and player.guide.waits
     window = player.window
     if act == "tilt":
@@ -79,23 +78,22 @@ def test_a_task_starts_when_the_user_acts(player, row, act):
         on_slider = np.array([slider.right, low]) / SIZE
         window.at = on_slider if act == "slider" else np.array([0.5, 0.8])
         window.pressed.append("LMB")
-    frames(player, row, 2)
+    frames(player, 2)
     assert row.lead.simulation.time > 0.0
     assert (player.guide.progress.values["gravity"] == 20.0) == (act == "slider")
-    press(player, row, "r", number=3)
+    press(player, "r", number=3)
     assert row.lead.simulation.time == 0.0
 
 
 def test_reset_of_a_task_levels_the_pool(player, row):
-    press(player, row, "a", "n")
-    player.window.held = {"Left"}
-    press(player, row, "Left", number=6)
-    player.window.held = set()
+    press(player, "a", "n")
+    with player.window.holding("Left"):
+        press(player, "Left", number=6)
     assert player.steering.tilt.any()
-    press(player, row, "r")
+    press(player, "r")
     assert not player.steering.tilt.any() and row.lead.simulation.time < 0.1
     assert player.wants_more(row) and player.menu.next is None
-    press(player, row, "Tab")
+    press(player, "Tab")
     assert player.menu.next is None, "no other scene is led to"
 
 
@@ -108,13 +106,12 @@ def test_a_pool_of_the_lesson_pressure_stays_tilted_while_its_water_flows(layout
     guide = Guide(course, row, SIZE)
     player = Player(Screen(), row, Choice("a", "large"), layout, SceneArguments("a"), guide)
     player.saver.folder = tmp_path
-    press(player, row, "c", "n", "n")
-    player.window.held = {"Left"}
-    player.window.pressed.append("Left")
-    while guide.progress.numbers["water"].tilt < 9.0:
-        frames(player, row)
-    player.window.held = set()
-    frames(player, row, 200)
+    press(player, "c", "n", "n")
+    with player.window.holding("Left"):
+        press(player, "Left")
+        while guide.progress.numbers["water"].tilt < 9.0:
+            frames(player)
+    frames(player, 200)
     assert guide.progress.ticked[1], guide.shown
     row.close()
 
@@ -131,13 +128,13 @@ def test_a_press_acts_on_one_widget():
     assert page.act(np.array([0.5, 0.3]), False, False) == ("b", None)
 
 
-def test_help_covers_the_band_and_messages_are_above_it(player, row):
-    press(player, row, "a", "n")
-    without = frames(player, row)
+def test_help_covers_the_band_and_messages_are_above_it(player):
+    press(player, "a", "n")
+    without = frames(player)
     band = slice(0, player.guide.below)
-    helped = press(player, row, "h")
+    helped = press(player, "h")
     assert np.abs(helped[:, band] - without[:, band]).mean() > 0.01
-    press(player, row, "h", "l")
+    press(player, "h", "l")
     left, low, _, _ = player.layout.overlay.shown["message"]
     assert low >= player.guide.below and left >= 0
 
@@ -157,7 +154,7 @@ def test_preparation_names_each_simulation():
 def test_random_input_in_a_lesson_loses_no_water(player, row, seed):
     dice, window = random.Random(seed), player.window
     keys = [k for k in ACTIONS if ACTIONS[k] not in ("quit", "clip", "picture")] + ["b", "c"]
-    press(player, row, "a", "n")
+    press(player, "a", "n")
     mass = row.lead.ledger.entries[0].mass
     for _ in range(120):
         for _ in range(4):
@@ -171,7 +168,7 @@ def test_random_input_in_a_lesson_loses_no_water(player, row, seed):
                 window.at = np.array([dice.uniform(-0.3, 1.3), dice.uniform(-0.3, 1.3)])
             else:
                 window.at = np.array([dice.uniform(0.6, 1.0), dice.uniform(0.2, 0.38)])
-        frames(player, row)
+        frames(player)
         progress = player.guide.progress
         assert 0 <= progress.page < progress.pages
         for slider in progress.lesson.slider:

@@ -8,7 +8,6 @@ import imageio.v2 as imageio
 import numpy as np
 import pytest
 
-from msph import user_cache
 from msph.scene import load_scene
 from msph.stage import clip, idle
 from msph.stage.autosave import LostSession
@@ -17,56 +16,53 @@ from msph.stage.controls import Controls
 from msph.stage.keys import ACTIONS
 from msph.stage.player import SLOW_MOTION
 from msph.stage.recorded_input import Header
-from tests.stage.player_kit import FRAME, HEIGHT, WIDTH, frames, press
+from tests.stage.player_kit import FRAME, HEIGHT, WIDTH, drag, frames, press
 
 
 def test_pause_single_step_reset(player, show):
-    press(player, show, " ")
+    press(player, " ")
     assert show.simulation.time == 0.0
-    press(player, show, "n")
+    press(player, "n")
     assert show.simulation.time > 0.0
-    press(player, show, "r")
+    press(player, "r")
     assert show.simulation.time == 0.0
-    press(player, show, " ")
+    press(player, " ")
     assert show.simulation.time > 0.0
 
 
-def test_slow_motion_and_back(player, show):
-    press(player, show, "m")
+def test_slow_motion_and_back(player):
+    press(player, "m")
     assert player.pacer.speed == SLOW_MOTION
-    press(player, show, "m")
+    press(player, "m")
     assert player.pacer.speed == 1.0
 
 
-def come_level(player, show):
+def come_level(player):
     """Runs frames, whose length depends on the machine, until the pool is level."""
     for _ in range(600):
-        frames(player, show)
+        frames(player)
         if not player.steering.tilt.any():
             return
     raise AssertionError(f"still tilted by {player.steering.tilt} rad")
 
 
 def test_arrows_tilt_and_the_pool_comes_level_unless_locked(player, show):
-    player.window.held = {"Right"}
-    frames(player, show, 10)
-    tilt = player.steering.tilt[0]
-    assert tilt < -0.02 and show.pose.tilt[0, 1] != 0.0
-    player.window.held = set()
-    come_level(player, show)
-    press(player, show, "l")
-    player.window.held = {"Up"}
-    frames(player, show, 10)
-    player.window.held = set()
+    with player.window.holding("Right"):
+        frames(player, 10)
+    assert player.steering.tilt[0] < -0.02 and show.pose.tilt[0, 1] != 0.0
+    come_level(player)
+    press(player, "l")
+    with player.window.holding("Up"):
+        frames(player, 10)
     for _ in range(600):
-        frames(player, show)
+        frames(player)
         if abs(player.steering.rate).max() < 1e-3:
             break
     tilt = player.steering.tilt[1]
-    frames(player, show, 10)
+    frames(player, 10)
     assert player.steering.tilt[1] == pytest.approx(tilt, abs=1e-3) and tilt < -0.02
-    press(player, show, "Return")
-    come_level(player, show)
+    press(player, "Return")
+    come_level(player)
 
 
 def test_tilting_turns_the_box_at_the_rate_of_its_tilt(given, monkeypatch):
@@ -97,10 +93,10 @@ def test_tilting_turns_the_box_at_the_rate_of_its_tilt(given, monkeypatch):
 
 
 def test_a_jolt_tilts_the_pool_to_and_fro_and_ends(player, show):
-    press(player, show, "j")
+    press(player, "j")
     rolls = []
     for _ in range(100):
-        frames(player, show)
+        frames(player)
         rolls.append(player.steering.jolt)
     assert min(rolls) < -0.05 and max(rolls) > 0.05 and rolls[-1] == 0.0
     assert show.ledger.entries[-1].inertia_work != 0.0
@@ -109,16 +105,15 @@ def test_a_jolt_tilts_the_pool_to_and_fro_and_ends(player, show):
 def test_camera_orbits_zooms_pans_and_comes_home(player, show):
     home = show.display.camera.state()
     seen = {home}
-    for held, moved in (({"d"}, 0.0), ({"s"}, 0.0), ({"RMB"}, 0.1), ({"MMB"}, 0.1)):
-        player.window.held = held
-        frames(player, show)
-        player.window.at = player.window.at + moved
-        frames(player, show, 2)
+    for key, moved in (("d", 0.0), ("s", 0.0), ("RMB", 0.1), ("MMB", 0.1)):
+        with player.window.holding(key):
+            frames(player)
+            drag(player, moved, moved, 1)
+            frames(player)
         assert show.display.camera.state() not in seen
         seen.add(show.display.camera.state())
     # The key Return restores the scene's camera.
-    player.window.held = set()
-    press(player, show, "Return")
+    press(player, "Return")
     assert show.display.camera.state() == home
 
 
@@ -144,7 +139,7 @@ def test_a_resized_window_shows_balls_as_round(player, show):
     player.window.aspect = 1.0
     player.window.pressed.append("Return")
     show.display.views.name = "speed"
-    frames(player, show)
+    frames(player)
     camera, box = show.display.camera, show.simulation.size
     middle = 0.5 * np.array(box)
     right, up, _ = camera.axes()
@@ -168,20 +163,20 @@ def test_an_idle_pool_sways_until_the_user_acts(player, show, monkeypatch):
     def level():
         return np.allclose(show.pose.tilt, np.eye(3), atol=1e-3)
 
-    frames(player, show, 3)
+    frames(player, 3)
     assert level() and player.idle.hint() == ""
     monkeypatch.setattr(idle, "IDLE_DELAY", 0.0)
     monkeypatch.setattr(idle, "RAMP_TIME", 1e-3)
     # The length of frames depends on the machine.
     for _ in range(300):
-        frames(player, show)
+        frames(player)
         if not level():
             break
     assert not level() and player.idle.hint() == "drag: push the water"
     player.idle.tried.add("push")
     assert player.idle.hint() == "arrows: tilt"
     monkeypatch.setattr(idle, "IDLE_DELAY", 1e9)
-    press(player, show, "l", number=2)
+    press(player, "l", number=2)
     assert level() and player.idle.hint() == ""
 
 
@@ -196,15 +191,15 @@ def test_the_idle_sway_waits_for_the_end_of_the_scenes_sway(show):
 
 
 def test_a_saved_checkpoint_is_reopened(player, show, tmp_path):
-    frames(player, show, 3)
-    press(player, show, "o")
+    frames(player, 3)
+    press(player, "o")
     assert "no checkpoint of pool" in player.layout.message
     np.savez(tmp_path / "pool_of_another_quality.npz", fluid=np.zeros(5))
-    press(player, show, " ", "k")
+    press(player, " ", "k")
     (tmp_path / "pool_of_another_quality.npz").touch()
     kept = show.simulation.state()
-    press(player, show, " ", number=4)
-    press(player, show, " ", "o")
+    press(player, " ", number=4)
+    press(player, " ", "o")
     again = show.simulation.state()
     order, order_again = np.argsort(kept["id"]), np.argsort(again["id"])
     assert np.array_equal(kept["x"][order], again["x"][order_again])
@@ -216,9 +211,9 @@ def test_a_clip_has_the_displayed_images_and_the_simulation_goes_on(
 ):
     """Regression: images were rendered again, which stopped the simulation for 12 s."""
     monkeypatch.setattr(clip, "FPS", 1000.0)
-    frames(player, show, 4)
+    frames(player, 4)
     show.display.views.name = "speed"
-    frames(player, show, 4)
+    frames(player, 4)
     monkeypatch.setattr(clip, "FPS", 24.0)
     # Sets the times of the images as if they had been displayed over a third of a second.
     stored = [image for _, image in player.clip.frames]
@@ -226,7 +221,7 @@ def test_a_clip_has_the_displayed_images_and_the_simulation_goes_on(
     player.clip.frames.clear()
     player.clip.frames.extend((k / 24.0, image) for k, image in enumerate(stored))
     before = show.simulation.time
-    press(player, show, "c")
+    press(player, "c")
     assert show.simulation.time > before and "writing" in player.layout.message
     player.close()
     (path,) = tmp_path.glob("*.mp4")
@@ -235,50 +230,49 @@ def test_a_clip_has_the_displayed_images_and_the_simulation_goes_on(
     assert np.abs(seen[0].astype(int) - seen[-1]).mean() > 1.0
 
 
-def test_memory_of_the_clip_is_bounded(player, show, monkeypatch):
+def test_memory_of_the_clip_is_bounded(player, monkeypatch):
     monkeypatch.setattr(clip, "FPS", 1e6)
-    frames(player, show)
+    frames(player)
     (size,) = (len(image.result()) for _, image in player.clip.frames)
     monkeypatch.setattr(clip, "MOST_BYTES", 3.5 * size)
     for _ in range(8):
-        frames(player, show)
+        frames(player)
         player.clip.frames[-1][1].result()
     assert len(player.clip.frames) <= 4
     # The last image is kept even if it exceeds the limit.
     monkeypatch.setattr(clip, "MOST_BYTES", 0.5 * size)
-    frames(player, show)
+    frames(player)
     assert len(player.clip.frames) == 1
 
 
-def test_write_errors_are_shown_as_messages(player, show, tmp_path):
+def test_write_errors_are_shown_as_messages(player, tmp_path):
     (tmp_path / "file").touch()
     player.saver.folder = tmp_path / "file"
     for key in ("p", "c", "k"):
-        frames(player, show, 2)
-        press(player, show, key)
+        frames(player, 2)
+        press(player, key)
         assert "file" in player.layout.message
 
 
-def test_a_lost_session_is_offered_until_a_key_answers(player, show, tmp_path, monkeypatch):
-    monkeypatch.setattr(user_cache, "file", lambda: tmp_path / "cache" / "measured.json")
+def test_a_lost_session_is_offered_until_a_key_answers(player, cache):
     began = int(time.mktime((2026, 11, 29, 14, 32, 0, 0, 0, -1)) * 1e9)
-    file = tmp_path / "cache" / f"session_gone_{began}.npz"
+    file = cache.with_name(f"session_gone_{began}.npz")
     file.parent.mkdir()
     file.touch()
     lost = LostSession(file, Header.of("drop", "small"), {"gravity": 3.0})
     player.offer = lost
-    frames(player, show)
+    frames(player)
     assert player.layout.message == "Enter continues drop of 14:32, any other key deletes it"
     # Mouse buttons do not answer the offer, which is shown again after another message.
-    press(player, show, "LMB")
+    press(player, "LMB")
     player.layout.until = 0.0
-    frames(player, show)
+    frames(player)
     assert player.offer and player.layout.message.startswith("Enter")
-    press(player, show, "Return")
+    press(player, "Return")
     assert player.next_choice == Choice("drop", "small", {"gravity": 3.0}, resume=file)
     assert not player.wants_more(player.row) and file.exists()
     player.menu.next, player.offer = None, lost
-    press(player, show, "v")
+    press(player, "v")
     assert player.offer is None and not file.exists() and player.wants_more(player.row)
 
 
@@ -303,7 +297,7 @@ def test_random_input_at_a_window_loses_no_water(player, show):
                 player.menu.set(live.key, value)
             else:
                 window.held.clear()
-        frames(player, show)
+        frames(player)
         player.menu.next, player.helping = None, False
     entry = show.ledger.record(show.gravity())
     assert entry.mass == pytest.approx(mass, rel=1e-6) and entry.outside == 0

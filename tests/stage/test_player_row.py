@@ -19,6 +19,7 @@ from tests.stage.player_kit import (
     SIZE,
     WIDTH,
     Screen,
+    drag,
     frames,
     played,
     press,
@@ -108,19 +109,16 @@ def test_parameters_apply_only_to_simulations_that_have_them(row):
 
 def test_a_push_in_the_second_image_pushes_both_simulations(row, player, tmp_path):
     screen = player.window
-    frames(player, row, 2)
+    frames(player, 2)
     wet = wet_pixels(row.shows[1])
     i, j = wet[len(wet) // 2][0]
     screen.at = np.array([WIDTH + 2 + i, BELOW + j]) / row.size
-    screen.held = {"LMB"}
-    frames(player, row, 2)
-    for _ in range(6):
-        screen.at = screen.at + np.array([0.005, 0.0])
-        frames(player, row)
+    with screen.holding("LMB"):
+        frames(player, 2)
+        drag(player, 0.005, 0.0, 6)
     assert all(show.ledger.entries[-1].user_work > 0.0 for show in row.shows)
-    screen.held = set()
     # Saved images contain both simulations.
-    press(player, row, "p")
+    press(player, "p")
     (path,) = tmp_path.glob("*.png")
     assert imageio.imread(path).shape == (HEIGHT, 2 * WIDTH + 2, 3)
 
@@ -128,12 +126,12 @@ def test_a_push_in_the_second_image_pushes_both_simulations(row, player, tmp_pat
 def test_a_push_stays_in_the_simulation_that_it_began_in(row, player):
     """Regression: the push jumped by a box's width where the cursor entered the next image."""
     screen = player.window
-    frames(player, row, 2)
+    frames(player, 2)
     first = row.shows[0]
     i, j = max(pixel for pixel, _ in wet_pixels(first))
     screen.at = np.array([i, BELOW + j]) / row.size
     screen.held = {"LMB"}
-    frames(player, row, 2)
+    frames(player, 2)
     speeds = []
     for right in range(i, WIDTH + 60, 6):
         screen.at = np.array([right, BELOW + j]) / row.size
@@ -158,7 +156,7 @@ def test_resetting_a_setting_restores_the_value_of_each_scene(row, player):
 
 def test_input_is_answered_between_the_images_of_simulations_elsewhere(row, player):
     """Regression: keys waited until all simulations of another process were drawn, 0.1 s."""
-    frames(player, row)
+    frames(player)
     row.remote = SimpleNamespace(give=lambda controls: None, busy=False, running=False)
     drawn, screen, second = [], player.window, row.shows[1]
     show = screen.show
@@ -186,6 +184,6 @@ def test_pages_are_removed_from_the_last_image_without_drawing_the_simulations(r
     assert np.array_equal(row.image.to_numpy()[:, low], without[:, low])
 
 
-def test_checkpoints_require_a_single_simulation(row, player, tmp_path):
-    press(player, row, "k", "o")
+def test_checkpoints_require_a_single_simulation(player, tmp_path):
+    press(player, "k", "o")
     assert not list(tmp_path.iterdir()) and "need a single simulation" in player.layout.message

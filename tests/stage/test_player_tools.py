@@ -21,15 +21,7 @@ from msph.stage.show import Show
 from msph.stage.tools import PRESS_TIME, TOOLS
 from msph.stage.touch import Touch
 from tests.scenes_kit import TEXT, WATER, write
-from tests.stage.player_kit import (
-    HEIGHT,
-    SIZE,
-    WIDTH,
-    frames,
-    press,
-    wet_pixels,
-    wet_place,
-)
+from tests.stage.player_kit import HEIGHT, SIZE, WIDTH, drag, frames, press, wet_pixels, wet_place
 
 DOWN = (0.0, -9.81, 0.0)  # gravity [m/s^2]
 
@@ -59,31 +51,30 @@ def test_the_classic_method_refuses_added_bodies_and_openings(tmp_path):
 def test_a_drain_after_a_reset_counts_its_water_once(player, show):
     for _ in range(2):
         show.reset()
-        press(player, show, "z", "z")
-        player.window.at, player.window.held = wet_place(show), {"LMB"}
-        press(player, show, "LMB", number=4)
+        press(player, "z", "z")
+        with player.window.holding("LMB", at=wet_place(show)):
+            press(player, "LMB", number=4)
         assert show.ledger.entries[-1].outflow_mass > 0.0
         assert abs(show.ledger.mass_change()) < 1e-6
-        player.window.held = set()
-        frames(player, show)
+        frames(player)
 
 
 @pytest.mark.parametrize("key", ["LMB", "r", "z"])
 def test_a_press_a_reset_and_another_tool_end_the_last_press(player, show, key, monkeypatch):
     monkeypatch.setattr(Pacer, "frame_time", PRESS_TIME / 8)
-    frames(player, show)
+    frames(player)
     player.window.at = wet_place(show)
-    press(player, show, "LMB")
+    press(player, "LMB")
     contact = player.steering.contact
-    frames(player, show)
+    frames(player)
     assert contact.clicked and contact.held == pytest.approx(PRESS_TIME / 4)
-    player.window.held = {"LMB"}
-    press(player, show, key)
+    with player.window.holding("LMB"):
+        press(player, key)
     assert contact.held == pytest.approx(PRESS_TIME / 8)
 
 
 def test_a_press_that_waits_for_the_simulation_keeps_its_tool(player, show, monkeypatch):
-    frames(player, show)
+    frames(player)
     player.window.at = wet_place(show)
     player.window.pressed = ["LMB", "b"]
     monkeypatch.setattr(Row, "busy", True)
@@ -94,8 +85,8 @@ def test_a_press_that_waits_for_the_simulation_keeps_its_tool(player, show, monk
 
 def test_kernels_for_bodies_compile_once_a_tool_that_adds_them_is_chosen(player, show):
     """Regression: the window stood still for 13 s when the first body was thrown."""
-    press(player, show, "y")
-    frames(player, show, 40)
+    press(player, "y")
+    frames(player, 40)
     assert not show.later
     show.display.shown = show.display.picture.view = None  # the image without water is drawn anew
     show.display.draw()
@@ -116,7 +107,7 @@ def test_kernels_for_bodies_compile_once_a_tool_that_adds_them_is_chosen(player,
 def test_an_interrupted_drawing_leaves_spray_and_mesh_complete(player, show, monkeypatch):
     """A drawing for kernels ends at the first kernel that must be compiled; the next image, also of
     the same water, has a complete mesh, and its spray continues."""
-    frames(player, show)
+    frames(player)
     display, spray = show.display, show.display.surface.thin.spray
     rounding, before = display.surface.rounding, spray.frame
     display.prepared = False
@@ -135,16 +126,13 @@ def test_an_interrupted_drawing_leaves_spray_and_mesh_complete(player, show, mon
 @pytest.mark.parametrize("tool", TOOLS, ids=lambda tool: tool.name)
 def test_each_tool_moves_or_adds_water_while_the_button_is_down(player, show, tool):
     player.steering.tool = TOOLS[TOOLS.index(tool) - 1]
-    press(player, show, tool.key, number=2)
+    press(player, tool.key, number=2)
     assert player.steering.tool is tool and tool.effect == player.layout.message
-    player.window.at, player.window.held = wet_place(show), {"LMB"}
-    frames(player, show)
-    first = show.ledger.entries[-1]
-    for _ in range(12):
-        player.window.at = player.window.at + np.array([0.004, 0.0])
-        frames(player, show)
-    player.window.held = set()
-    frames(player, show)
+    with player.window.holding("LMB", at=wet_place(show)):
+        frames(player)
+        first = show.ledger.entries[-1]
+        drag(player, 0.004, 0.0, 12)
+    frames(player)
     last = show.ledger.entries[-1]
     assert (last.user_work != 0.0) == (tool.name not in ("tap", "drain", "wave"))
     assert (last.wall_work > 0.0) == (tool.name == "wave")
@@ -159,52 +147,51 @@ def test_each_tool_moves_or_adds_water_while_the_button_is_down(player, show, to
 def test_a_thrown_body_floats_follows_the_cursor_and_is_gone_after_a_reset(player, show):
     player.steering.tool = next(tool for tool in TOOLS if tool.name == "float")
     boundary = show.simulation.boundary
-    frames(player, show)
+    frames(player)
     show.display.picture.wetness.wet.fill(1.0)
-    frames(player, show)
+    frames(player)
     wet = show.display.picture.wetness.wet.to_numpy().sum()
-    player.window.at, player.window.held = wet_place(show), {"LMB"}
-    frames(player, show)
+    with player.window.holding("LMB", at=wet_place(show)):
+        frames(player)
     # Regression: the first body dried all walls.
     assert show.display.picture.wetness.wet.to_numpy().sum() > 0.9 * wet
-    player.window.held = set()
-    frames(player, show, 20)
+    frames(player, 20)
     assert boundary.count == 1 and show.display.shown_bodies == 1
     (x,) = boundary.floating.x
     at = show.display.camera.project(x[None], *SIZE, show.simulation.size)[0]
-    player.window.at, player.window.held = at, {"LMB"}
-    for _ in range(12):
-        frames(player, show)
-        player.window.at = player.window.at + np.array([0.0, 0.01])
+    with player.window.holding("LMB", at=at):
+        frames(player)
+        drag(player, 0.0, 0.01, 11)
     assert boundary.count == 1 and boundary.floating.x[0, 1] > x[1] + 0.03
     # Regression: pressure in gaps added 0.6 % of the energy to a body dragged along a wall.
     assert abs(show.ledger.mass_change()) < 1e-6 and show.ledger.energy_gain() < 1e-3
-    player.window.held = set()
-    press(player, show, "r")
+    press(player, "r")
     assert boundary.count == 0 and show.display.shown_bodies == 0 and show.tools.touch is None
 
 
 def test_a_fast_drag_of_an_end_wall_makes_a_wave_and_the_wall_returns(player, show):
     player.steering.tool = next(tool for tool in TOOLS if tool.name == "wave")
     simulation = show.simulation
-    frames(player, show)
+    frames(player)
     depth = 2.0 * show.ledger.entries[-1].centre[1]
-    player.window.at, player.window.held = wet_place(show), {"LMB"}
-    frames(player, show)
-    inwards, heights = simulation.piston.inwards, []
-    shift = show.display.camera.project(
-        np.array([player.steering.contact.place + 0.15 * inwards]), *SIZE, simulation.size
-    )[0] - player.window.at  # fmt: skip
-    for _ in range(6):
-        player.window.at = player.window.at + shift / 6
-        frames(player, show)
+    heights = []
+
+    def observe():
         heights.append(np.percentile(simulation.particles.numpy("x")[:, 1], 98))
+
+    with player.window.holding("LMB", at=wet_place(show)):
+        frames(player)
+        pushed = player.steering.contact.place + 0.15 * simulation.piston.inwards
+        (end,) = show.display.camera.project(pushed[None], *SIZE, simulation.size)
+        shift = (end - player.window.at) / 6
+        for _ in range(6):
+            drag(player, *shift, 1)
+            observe()
     place, speed = simulation.piston.at(simulation.time)
     assert place > 0.04 and speed > 0.2
-    player.window.held = set()
     for _ in range(40):
-        frames(player, show)
-        heights.append(np.percentile(simulation.particles.numpy("x")[:, 1], 98))
+        frames(player)
+        observe()
     assert max(heights) > 1.2 * depth
     assert simulation.piston is None and simulation.boundary.count == 0
     work = max(e.wall_work for e in show.ledger.entries)
@@ -215,28 +202,26 @@ def test_a_fast_drag_of_an_end_wall_makes_a_wave_and_the_wall_returns(player, sh
 def test_a_resumed_tap_is_removed_and_replaced_at_the_next_press(player, show, tmp_path):
     """Regression: a tap stayed when its press had ended, and bodies got stuck in its pipe."""
     player.steering.tool = next(tool for tool in TOOLS if tool.name == "tap")
-    frames(player, show)
-    player.window.at, player.window.held = wet_place(show), {"LMB"}
-    frames(player, show, 4)
+    frames(player)
+    with player.window.holding("LMB", at=wet_place(show)):
+        frames(player, 4)
     np.savez(tmp_path / "session.npz", **show.simulation.state())
     show.reset()
     show.resume(tmp_path / "session.npz")
     (tap,) = show.simulation.added_openings
-    player.window.held = set()
-    frames(player, show, 6)
+    frames(player, 6)
     assert not show.simulation.added_openings
     assert abs(show.ledger.mass_change()) < 1e-6
-    player.window.at, player.window.held = wet_place(show), {"LMB"}
-    frames(player, show, 2)
-    player.window.held = set()
+    with player.window.holding("LMB", at=wet_place(show)):
+        frames(player, 2)
     assert len(show.simulation.added_openings) == 1
     assert show.simulation.added_openings != [tap]
 
 
 def test_a_click_within_a_frame_pushes_the_water_down(player, show):
-    frames(player, show, 2)
+    frames(player, 2)
     player.window.at, player.window.pressed = wet_place(show), ["LMB"]
-    frames(player, show, 12)
+    frames(player, 12)
     entries = show.ledger.entries
     # After the push the hand, then at rest, takes energy from the water.
     assert entries[-1].user_impulse[1] < 0.0 < max(e.user_work for e in entries)
@@ -244,7 +229,7 @@ def test_a_click_within_a_frame_pushes_the_water_down(player, show):
 
 
 def test_the_hand_is_shown_as_a_ball_while_it_pushes(player, show):
-    press(player, show, " ")
+    press(player, " ")
     show.now = replace(show.now, ball=None)
     show.draw()
     before = show.display.picture.image.to_numpy()
@@ -267,12 +252,11 @@ def test_pull_lifts_the_water_and_swirl_turns_it(player, show):
         """Returns the upward impulse [N s], and the mean moment of the velocities near the cursor
         about its vertical axis [m^2/s], after using the tool of a key."""
         show.reset()
-        press(player, show, key, number=2)
-        player.window.at, player.window.held = wet_place(show), {"LMB"}
-        frames(player, show, 12)
+        press(player, key, number=2)
+        with player.window.holding("LMB", at=wet_place(show)):
+            frames(player, 12)
         place = player.steering.contact.place
-        player.window.held = set()
-        frames(player, show)
+        frames(player)
         x, v = (show.simulation.particles.numpy(k) for k in "xv")
         r = x - place
         near = np.hypot(r[:, 0], r[:, 2]) < 0.08
@@ -285,61 +269,55 @@ def test_pull_lifts_the_water_and_swirl_turns_it(player, show):
 
 
 def test_a_full_pool_refuses_water_with_a_message(player, show, monkeypatch):
-    frames(player, show, 2)
+    frames(player, 2)
     monkeypatch.setattr(show.simulation.particles, "capacity", show.simulation.particles.count)
-    press(player, show, "b")
-    player.window.at, player.window.held = wet_place(show), {"LMB"}
-    frames(player, show)
-    player.window.held = set()
+    press(player, "b")
+    with player.window.holding("LMB", at=wet_place(show)):
+        frames(player)
     assert "full" in player.layout.message and show.ledger.mass_change() == 0.0
 
 
 def test_a_click_on_the_toolbar_selects_a_tool_and_does_not_push_the_water(player, show):
-    frames(player, show, 2)
+    frames(player, 2)
     left, low, _, height = player.layout.overlay.shown["tools"]
     button = next(b for b in player.layout.pages["tools"].sheet.widgets if b.name == "swirl")
     x, y = 0.5 * (button.left + button.right), 0.5 * (button.top + button.bottom)
     player.window.at = np.array([(left + x) / WIDTH, (low + height - y) / HEIGHT])
-    frames(player, show)
-    player.window.held, player.window.pressed = {"LMB"}, ["LMB"]
-    frames(player, show)
-    player.window.held = set()
-    frames(player, show)
+    frames(player)
+    with player.window.holding("LMB"):
+        press(player, "LMB")
+    frames(player)
     assert player.steering.tool.name == "swirl"
     assert show.ledger.entries[-1].user_work == 0.0
 
 
 def test_no_water_is_added_while_paused(player, show):
-    press(player, show, "u", number=2)
-    press(player, show, " ")
+    press(player, "u", number=2)
+    press(player, " ")
     count = show.simulation.particles.count
-    player.window.at, player.window.held = wet_place(show), {"LMB"}
-    frames(player, show, 20)
-    player.window.held = set()
+    with player.window.holding("LMB", at=wet_place(show)):
+        frames(player, 20)
     assert show.simulation.particles.count == count
 
 
 def test_a_drag_pushes_the_water_and_a_cursor_leaves_a_wake(player, show):
-    frames(player, show, 2)
+    frames(player, 2)
     wet = wet_pixels(show)
     place = np.array(wet[len(wet) // 2][0]) / show.display.picture.size
 
-    def work_of(held):
+    def work_of(*held):
         show.reset()
-        player.window.at, player.window.held = place.copy(), held
-        frames(player, show, 2)
-        for _ in range(6):
-            player.window.at = player.window.at + np.array([0.01, 0.0])
-            frames(player, show)
-        player.window.held = set()
+        with player.window.holding(*held, at=place):
+            frames(player, 2)
+            drag(player, 0.01, 0.0, 6)
         return show.ledger.entries[-1].user_work
 
-    pushed, wake = work_of({"LMB"}), work_of(set())
+    pushed, wake = work_of("LMB"), work_of()
     assert pushed > wake > 0.0 and player.window.marks > 0
     show.scene = show.scene.model_copy(
         update={"play": show.scene.play.model_copy(update={"hover": False})}
     )
-    assert work_of(set()) == 0.0
+    assert work_of() == 0.0
 
 
 @pytest.mark.parametrize("scene", ["deep", "waves", "pool"])

@@ -20,6 +20,7 @@ from msph.taichi_internals import PLAIN
 from tests.scenes_kit import write
 from tests.stage.player_kit import Screen
 
+pytestmark = pytest.mark.usefixtures("cache")
 NAMES = list(shipped_scenes())
 
 
@@ -44,11 +45,6 @@ class Here(contextlib.nullcontext):
 
     def row(self, order, size, report):
         return built_row(order, size, report)
-
-
-@pytest.fixture(autouse=True)
-def cache(tmp_path, monkeypatch):
-    monkeypatch.setattr(user_cache, "file", lambda: tmp_path / "cache" / "measured.json")
 
 
 @pytest.fixture
