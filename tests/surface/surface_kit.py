@@ -140,6 +140,13 @@ class Water:
             getattr(numbers, name)[None] = bound
         return self.surface.mesh
 
+    def closed_mesh(self, x: np.ndarray, layer: np.ndarray | int = 0) -> SurfaceMesh:
+        """Fills the box with particles; returns their mesh, which must be closed."""
+        self.fill(x, layer)
+        mesh = self.mesh()
+        assert_closed(mesh)
+        return mesh
+
 
 def packed(low, high, d: float, jitter: float = 0.0, seed: int = 0) -> np.ndarray:
     """Returns a lattice of particles (n, 3) [m] with a spacing close to d [m] that fills the box

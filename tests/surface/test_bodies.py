@@ -50,9 +50,7 @@ def test_a_mesh_for_an_image_does_not_pass_through_a_thin_body():
 @pytest.mark.parametrize("level", [0.15, 0.25, 0.35])
 def test_the_surface_ends_on_bodies_and_encloses_the_water(held_water, level):
     """The container holds a ball and a block, which are submerged or pierce the surface."""
-    held_water.fill(filled(held_water, level))
-    mesh = held_water.mesh()
-    assert_closed(mesh)
+    mesh = held_water.closed_mesh(filled(held_water, level))
     assert mesh.volume() == pytest.approx(held_water.volume, rel=0.01)
     vertices = mesh.to_numpy()[0]
     free = held_water.boundary.free

@@ -83,9 +83,7 @@ def test_a_mesh_without_room_for_all_divided_edges_stays_as_it_is(water, monkeyp
     rough = without_rounding(water, monkeypatch)
     room = SurfaceRoom(vertices=len(rough.vertices) + 9, triangles=3 * len(rough.faces))
     small = Water(room=room)
-    small.fill(pairs(4))
-    mesh = small.mesh()
-    assert_closed(mesh)
+    mesh = small.closed_mesh(pairs(4))
     numbers = small.surface.rounding.numbers
     assert numbers.found[None] > 9 and numbers.divided[None] == 0
     same = as_trimesh(mesh)

@@ -9,7 +9,6 @@ from surface_kit import (
     SIZE,
     Water,
     as_trimesh,
-    assert_closed,
     assert_same,
     middles,
     packed,
@@ -64,9 +63,7 @@ def splashes(seed):
 @pytest.mark.parametrize("kind", ["water", "smooth_water"])
 def test_the_band_gives_the_same_mesh_as_the_whole_box(kind, shape, seed, request):
     water = request.getfixturevalue(kind)
-    water.fill(*shape(seed))
-    banded = middles(water.mesh())
-    assert_closed(water.surface.mesh)
+    banded = middles(water.closed_mesh(*shape(seed)))
     full = middles(water.mesh(everywhere=True))
     assert len(full) > 100
     assert_same(full, banded)
@@ -88,9 +85,7 @@ def test_the_band_follows_the_surface_not_the_volume(water):
 def test_mesh_of_still_water_has_its_volume_and_flat_walls(water, d, layer):
     height = 0.3
     x = packed((0, 0, 0), (SIZE[0], height, SIZE[2]), d)
-    water.fill(x, layer)
-    mesh = water.mesh()
-    assert_closed(mesh)
+    mesh = water.closed_mesh(x, layer)
     vertices, normals, _ = mesh.to_numpy()
     # The lattice that fills the box is up to 4 % thinner or denser than water at rest, more than
     # the limited shift of the surface compensates.
@@ -141,16 +136,12 @@ def test_normals_of_a_level_surface_and_of_a_wave_are_accurate(smooth_water, hei
 def test_a_ball_has_its_volume_also_where_walls_cut_it(water, centre):
     """A whole ball, half a ball at a wall and a quarter in an edge."""
     x, radius = packed((0, 0, 0), SIZE, FINE), 0.18
-    water.fill(x[np.linalg.norm(x - centre, axis=1) < radius])
-    mesh = water.mesh()
-    assert_closed(mesh)
+    mesh = water.closed_mesh(x[np.linalg.norm(x - centre, axis=1) < radius])
     assert mesh.volume() == pytest.approx(water.volume, rel=2e-3)
 
 
 def test_mesh_of_a_full_box_has_the_volume_of_the_box(water):
-    water.fill(packed((0, 0, 0), SIZE, FINE))
-    mesh = water.mesh()
-    assert_closed(mesh)
+    mesh = water.closed_mesh(packed((0, 0, 0), SIZE, FINE))
     assert mesh.volume() == pytest.approx(np.prod(SIZE), rel=1e-3)
 
 
@@ -159,9 +150,7 @@ def test_particles_beyond_walls_add_no_volume_and_no_drop(water):
     x = packed((0, 0, 0), (0.6, 0.3, 0.4), FINE)
     pipe = packed((0.2, 0, 0.1), (0.4, 3 * FINE, 0.3), FINE) - [0, 3 * FINE, 0]
     jet = np.array([[-0.1, 0.4, 0.2], [-0.2, 0.35, 0.2], [-0.2 * FINE, 0.38, 0.2]])
-    water.fill(np.concatenate([x, pipe, jet]))
-    mesh = water.mesh()
-    assert_closed(mesh)
+    mesh = water.closed_mesh(np.concatenate([x, pipe, jet]))
     assert mesh.volume() == pytest.approx(len(x) * FINE**3, rel=5e-3)
     assert as_trimesh(mesh).body_count == 1
 

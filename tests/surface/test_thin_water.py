@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import trimesh
 from scipy.spatial import cKDTree
-from surface_kit import FINE, SIZE, Water, as_trimesh, assert_closed, packed
+from surface_kit import FINE, SIZE, Water, as_trimesh, packed
 
 from msph.surface import SurfaceRoom
 
@@ -20,9 +20,7 @@ def test_drops_are_round_and_have_their_volume(water):
     """Regression: drops were polyhedra whose distances from the centre varied by 13 %."""
     for seed in range(2):
         x = apart(seed)
-        water.fill(x)
-        mesh = water.mesh()
-        assert_closed(mesh)
+        mesh = water.closed_mesh(x)
         drops = as_trimesh(mesh).split()
         assert len(drops) == len(x)
         for drop in drops:
@@ -38,9 +36,7 @@ def test_drops_on_walls_are_round(water):
     """Regression: drops on walls were flat octagons."""
     beside = 0.4 * FINE
     x = np.array([(beside, 0.2, 0.2), (0.3, beside, 0.1), (0.5, 0.3, SIZE[2] - beside)])
-    water.fill(x)
-    assert_closed(water.mesh())
-    drops = as_trimesh(water.mesh()).split()
+    drops = as_trimesh(water.closed_mesh(x)).split()
     assert len(drops) == len(x)
     for drop in drops:
         assert (drop.bounds[0] > -1e-6).all() and (drop.bounds[1] < np.array(SIZE) + 1e-6).all()
@@ -64,9 +60,7 @@ def test_drops_that_exceed_the_room_are_reported():
 def test_a_sheet_one_particle_thick_keeps_its_volume_and_has_no_hole(water, height):
     x = packed((0, 0, 0), (SIZE[0], FINE, SIZE[2]), FINE, 0.05)
     x[:, 1] += height
-    water.fill(x)
-    mesh = water.mesh()
-    assert_closed(mesh)
+    mesh = water.closed_mesh(x)
     assert as_trimesh(mesh).euler_number == 2
     assert mesh.volume() == pytest.approx(water.volume, rel=0.01)
     assert abs(water.surface.volume_control.shift[None]) < 0.06
@@ -79,9 +73,7 @@ def test_a_sheet_of_irregular_particles_is_a_film_without_holes(smooth_water, se
     x = packed((0, 0, 0), (SIZE[0], FINE, SIZE[2]), FINE)
     x[:, 1] += 0.2
     x += np.random.default_rng(seed).normal(0.0, 0.15 * FINE, x.shape)
-    smooth_water.fill(np.clip(x, 0.1 * FINE, np.array(SIZE) - 0.1 * FINE))
-    mesh = smooth_water.mesh()
-    assert_closed(mesh)
+    mesh = smooth_water.closed_mesh(np.clip(x, 0.1 * FINE, np.array(SIZE) - 0.1 * FINE))
     assert as_trimesh(mesh).euler_number == 2
     assert mesh.volume() == pytest.approx(smooth_water.volume, rel=0.01)
 
