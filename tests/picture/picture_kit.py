@@ -16,6 +16,15 @@ def canvas_of(picture) -> np.ndarray:
     return colours(picture.fields.canvas.to_numpy()[:WIDTH, :HEIGHT])
 
 
+def draw(picture, view, water=None, tilt=None) -> None:
+    """Draws a mesh of water, or a box without water."""
+    if water:
+        picture.mesh.fill(*water)
+    else:
+        picture.mesh.counts.fill(0)
+    picture.draw_water(view, tilt)
+
+
 def backdrop_of(picture) -> np.ndarray:
     """Returns colours and opacity of edge lines (WIDTH, HEIGHT, 4) of the image without water."""
     shown, lines = picture.backdrop.colour.to_numpy(), picture.backdrop.lines.to_numpy()

@@ -10,6 +10,8 @@ from picture_kit import (
     ball,
     canvas_of,
     covered,
+    draw,
+    join,
     still_water,
 )
 
@@ -26,17 +28,8 @@ def camera(azimuth=0.6, elevation=0.34):
     return Camera.framing(BOX, WIDTH / HEIGHT, azimuth, elevation)
 
 
-def test_an_empty_pool_shows_no_water(picture, mesh):
-    mesh.counts.fill(0)
-    picture.draw_water(camera())
-    assert not covered(picture.raster).any()
-    backdrop = backdrop_of(picture)
-    np.testing.assert_array_equal(canvas_of(picture), backdrop[..., :3])
-
-
-def test_water_changes_only_the_pixels_it_covers(picture, mesh):
-    mesh.fill(*still_water())
-    picture.draw_water(camera())
+def test_water_changes_only_the_pixels_it_covers(picture):
+    draw(picture, camera(), still_water())
     image, seen = canvas_of(picture), covered(picture.raster)
     assert 0.1 < seen.mean() < 0.5
     assert np.isfinite(image).all() and image.min() >= 0 and image.max() <= 1
@@ -44,9 +37,8 @@ def test_water_changes_only_the_pixels_it_covers(picture, mesh):
     assert (change[~seen] == 0).all() and change[seen].mean() > 0.02
 
 
-def test_top_of_the_image_is_sky(picture, mesh):
-    mesh.counts.fill(0)
-    picture.draw_water(camera(elevation=0.06))
+def test_top_of_the_image_is_sky(picture):
+    draw(picture, camera(elevation=0.06))
     shown = picture.to_numpy_u8()
     assert shown.shape == (HEIGHT, WIDTH, 3) and shown.dtype == np.uint8
     top, bottom = shown[2].mean(0), shown[-2].mean(0)
@@ -54,10 +46,9 @@ def test_top_of_the_image_is_sky(picture, mesh):
     assert bottom[0] >= bottom[2], "ground is not"
 
 
-def test_tilt_turns_the_box_but_not_the_sky(picture, mesh):
-    mesh.counts.fill(0)
+def test_tilt_turns_the_box_but_not_the_sky(picture):
     view = camera(elevation=0.06)
-    picture.draw_water(view)
+    draw(picture, view)
     level = picture.image.to_numpy()
     picture.draw_water(view, TILT)
     tilted = picture.image.to_numpy()
@@ -67,10 +58,9 @@ def test_tilt_turns_the_box_but_not_the_sky(picture, mesh):
 
 
 @pytest.mark.parametrize("tilt", [None, TILT])
-def test_pick_finds_the_surface_under_the_pixel(picture, mesh, tilt):
-    mesh.fill(*still_water())
+def test_pick_finds_the_surface_under_the_pixel(picture, tilt):
     view = camera(elevation=0.7)
-    picture.draw_water(view, tilt)
+    draw(picture, view, still_water(), tilt)
     i, j = WIDTH // 2 + 10, HEIGHT // 2 + 8
     got = picture.pick(i, j)
     eye, d = view.box_ray(i, j, WIDTH, HEIGHT, BOX, tilt)
@@ -101,10 +91,9 @@ def apparent_rows(view, z, level):
     return np.array(rows)
 
 
-def test_tile_joints_under_water_appear_where_snells_law_predicts(picture, mesh):
-    mesh.fill(*still_water())
+def test_tile_joints_under_water_appear_where_snells_law_predicts(picture):
     view = Camera(np.array((0.5, 0.2, 0.5)), 0.0, 0.9, 1.6, 0.6)
-    picture.draw_water(view)
+    draw(picture, view, still_water())
     tiles = picture.lens.numbers["tiles"][2]
     joints = np.arange(4, 9) / tiles
     # The middle column is a joint; the columns next to it are read.
@@ -121,20 +110,18 @@ def test_tile_joints_under_water_appear_where_snells_law_predicts(picture, mesh)
     assert contrast(0.0) < 0.5 * contrast(LEVEL), "rays bend at the water"
 
 
-def test_deeper_water_is_bluer(picture, mesh):
+def test_deeper_water_is_bluer(picture):
     view = camera(elevation=1.2)
     redness = []
     for level in (0.1, 0.6):
-        mesh.fill(*still_water(level))
-        picture.draw_water(view)
+        draw(picture, view, still_water(level))
         c = picture.image.to_numpy()[WIDTH // 2 - 10 : WIDTH // 2 + 10, HEIGHT // 2].mean(0)
         redness.append(c[0] / c[2])
     assert redness[1] < 0.8 * redness[0]
 
 
-def test_still_water_does_not_focus_light(picture, mesh):
-    mesh.fill(*still_water())
-    picture.draw_water(camera())
+def test_still_water_does_not_focus_light(picture):
+    draw(picture, camera(), still_water())
     focus, shot = picture.sunlight.focus.to_numpy(), picture.lens.numbers
     cells = CAUSTIC_CELLS
     xz = (
@@ -146,7 +133,7 @@ def test_still_water_does_not_focus_light(picture, mesh):
     np.testing.assert_allclose(focus[lit], 1, atol=0.02)
 
 
-def test_a_hill_of_water_focuses_light_and_keeps_its_amount(picture, mesh):
+def test_a_hill_of_water_focuses_light_and_keeps_its_amount(picture):
     v, t, n = still_water(n=24)
     x, z = v[:, 0] - 0.5, v[:, 2] - 0.5
     top = n[:, 1] > 0.5
@@ -155,27 +142,20 @@ def test_a_hill_of_water_focuses_light_and_keeps_its_amount(picture, mesh):
     slope = np.stack([2 * x / s**2 * hill, np.ones_like(x), 2 * z / s**2 * hill], 1)
     v[top, 1] += hill[top]
     n[top] = (slope / np.linalg.norm(slope, axis=1, keepdims=True))[top]
-    mesh.fill(v, t, n)
-    picture.draw_water(camera())
+    draw(picture, camera(), (v, t, n))
     focus, lit = picture.sunlight.focus.to_numpy(), picture.image.to_numpy()
     picture.change(Look(caustics=False))
     picture.draw_water(camera())
     assert np.abs(lit - picture.image.to_numpy()).max() > 0.1, "the floor shows the light"
     picture.change(Look())
-    mesh.fill(*still_water(n=24))
-    picture.draw_water(camera())
+    draw(picture, camera(), still_water(n=24))
     still = picture.sunlight.focus.to_numpy()
     assert focus.max() > 1.4
     assert focus.sum() == pytest.approx(still.sum(), rel=0.03)
 
 
-def test_level_map_ignores_drops_above_the_water(picture, mesh):
-    water = still_water(n=32)
-    drop = ball((0.5, 0.6, 0.5), 0.05)
-    v, t, n = (np.concatenate(p) for p in zip(water, drop, strict=True))
-    t[len(water[1]) :] += len(water[0])
-    mesh.fill(v, t, n)
-    picture.draw_water(camera())
+def test_level_map_ignores_drops_above_the_water(picture):
+    draw(picture, camera(), join([still_water(n=32), ball((0.5, 0.6, 0.5), 0.05)]))
     level = picture.sunlight.level.to_numpy()
     assert level[level > 0].max() == pytest.approx(LEVEL, abs=1e-3)
 
@@ -186,26 +166,23 @@ def particles(taichi_runtime):
     return x, value, radius
 
 
-def test_the_level_map_has_no_gaps_under_a_coarse_mesh(picture, mesh):
+def test_the_level_map_has_no_gaps_under_a_coarse_mesh(picture):
     """Regression: dark lines on the floor of `still`, where columns between vertices were dry."""
-    mesh.fill(*still_water(n=8))
     picture.load(WIDTH, HEIGHT, BOX, spacing=1 / 8)
-    picture.draw_water(camera())
+    draw(picture, camera(), still_water(n=8))
     nx, nz = picture.lens.numbers["level_cells"].astype(int)
     level = picture.sunlight.level.to_numpy()[:nx, :nz]
     np.testing.assert_allclose(level, LEVEL, atol=1e-6)
 
 
-def test_bubbles_whiten_thin_water_in_the_air_but_not_a_lump(picture, mesh):
+def test_bubbles_whiten_thin_water_in_the_air_but_not_a_lump(picture):
     centre, found = np.array((0.5, 0.45, 0.5)), []
     picture.load(WIDTH, HEIGHT, BOX, Look(refractive_index=1.0, reflection=0.0, tint=0.0))
     for radius in (0.02, 0.15):
         view = Camera(centre, 0.6, 0.3, 10.0 * radius, 0.3)
-        mesh.counts.fill(0)
-        picture.draw_water(view)
+        draw(picture, view)
         empty = canvas_of(picture)
-        mesh.fill(*ball(centre, radius))
-        picture.draw_water(view)
+        draw(picture, view, ball(centre, radius))
         change = (canvas_of(picture) - empty).mean(-1)
         i, j = np.nonzero(covered(picture.raster))
         inside = np.hypot(i - i.mean(), j - j.mean()) < 0.5 * (np.ptp(i) / 2)
@@ -240,11 +217,10 @@ def test_the_nearer_particle_hides_the_farther_particle(picture, particles):
     assert not covered(picture.raster).any(), "without a radius they are hidden"
 
 
-def test_supersampling_averages_the_same_image(picture, mesh):
-    mesh.fill(*still_water())
+def test_supersampling_averages_the_same_image(picture):
     picture.load(WIDTH // 2, HEIGHT // 2, BOX, Look(supersample=2, caustics=False))
     picture.sunlight.focus.fill(0.0)
-    picture.draw_water(camera())
+    draw(picture, camera(), still_water())
     assert not picture.sunlight.focus.to_numpy().any(), "caustics cost nothing when off"
     fine, picked = picture.image.to_numpy(), picture.pick(80, 50)
     picture.load(WIDTH, HEIGHT, BOX)
@@ -255,11 +231,10 @@ def test_supersampling_averages_the_same_image(picture, mesh):
     np.testing.assert_allclose(picked, picture.pick(160, 100), atol=1e-5)
 
 
-def test_backdrop_left_out_under_water_does_not_change_the_image(picture, mesh):
+def test_backdrop_left_out_under_water_does_not_change_the_image(picture):
     """The first frame of a view leaves out hidden tiles, the second renders them."""
-    mesh.fill(*still_water())
     view = camera(azimuth=0.8)
-    picture.draw_water(view)
+    draw(picture, view, still_water())
     first, partly = picture.image.to_numpy(), backdrop_of(picture)
     picture.draw_water(view)
     second, whole = picture.image.to_numpy(), backdrop_of(picture)
@@ -268,8 +243,8 @@ def test_backdrop_left_out_under_water_does_not_change_the_image(picture, mesh):
     assert (partly[~seen] == whole[~seen]).all() and np.abs(partly - whole)[seen].max() > 0.05
     np.testing.assert_array_equal(partly[..., 3], whole[..., 3], "edges before the water")
     # Without water, the tiles that it hid are visible.
-    mesh.counts.fill(0)
-    picture.draw_water(view)
+    draw(picture, view)
+    assert not covered(picture.raster).any()
     np.testing.assert_array_equal(canvas_of(picture), whole[..., :3])
 
 
@@ -305,11 +280,10 @@ def test_means_in_even_blocks_are_close_to_samples_of_every_pixel(picture, every
     assert 0.0 < change.mean() < 1.0 and np.percentile(change, 99.0) < 8.0
 
 
-def test_background_is_a_gradient_where_nothing_is_drawn(picture, mesh):
-    mesh.counts.fill(0)
+def test_background_is_a_gradient_where_nothing_is_drawn(picture):
     low, high = (0.9, 0.2, 0.4), (0.1, 0.6, 1.0)
     picture.load(WIDTH, HEIGHT, BOX, Look(background=low, background_top=high))
-    picture.draw_water(Camera.framing(BOX))
+    draw(picture, Camera.framing(BOX))
     shown = picture.image.to_numpy()
     for i in (0, WIDTH - 1):
         assert shown[i, 0] == pytest.approx(low, abs=0.01)

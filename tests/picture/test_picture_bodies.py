@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import taichi as ti
 import trimesh
-from picture_kit import ball, covered, rays, still_water
+from picture_kit import ball, covered, draw, rays, still_water
 
 from msph.fluid.boundary.body_faces import triangles_of
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion, Solid
@@ -93,15 +93,11 @@ def framing(*angles):
     return Camera.framing(BOX, WIDTH / HEIGHT, *angles)
 
 
-def draw(picture, bodies, view=None, water=None):
+def draw_bodies(picture, bodies, view=None, water=None):
     """Draws bodies and a mesh of water, if given."""
     boundary_of(BOX, [LAYER], bodies)
     picture.load(WIDTH, HEIGHT, BOX)
-    if water:
-        picture.mesh.fill(*water)
-    else:
-        picture.mesh.counts.fill(0)
-    picture.draw_water(view or framing())
+    draw(picture, view or framing(), water)
 
 
 def sphere(p, r, centre, radius):
@@ -185,7 +181,7 @@ def test_a_ball_shades_the_floor_with_a_penumbra_in_proportion_to_its_distance(
     """The middle of the shadow is dark, and half of the light passes at its outline."""
     middle = np.array((0.5, 0.0, 0.5))
     sun = Look().sun_direction()
-    draw(picture, [Ball(middle + sun * height / sun[1], RADIUS)])
+    draw_bodies(picture, [Ball(middle + sun * height / sun[1], RADIUS)])
     # Across the light, the outline of the shadow is a circle of the ball's radius.
     across = unit(np.cross(sun, (0.0, 1.0, 0.0))[None])
     x = np.linspace(-0.4, 0.4, 801)
@@ -198,7 +194,7 @@ def test_a_ball_shades_the_floor_with_a_penumbra_in_proportion_to_its_distance(
 
 
 def test_the_lit_side_of_a_body_is_not_in_its_own_shadow(picture, lit):
-    draw(picture, [Ball(BALL, RADIUS), Block(*np.array(PLINTH))])
+    draw_bodies(picture, [Ball(BALL, RADIUS), Block(*np.array(PLINTH))])
     sun = picture.lens.numbers["sun"]
     n = unit(np.random.default_rng(5).normal(size=(2000, 3)))
     share, facing = lit.at(BALL + RADIUS * n), n @ sun
@@ -219,7 +215,7 @@ def unit(v):
 
 def test_a_body_hides_water_behind_it_but_not_in_front_of_it(picture):
     view = framing(0.0, 0.2)
-    draw(picture, [Ball(np.array((0.5, 0.5, 0.5)), 0.2)], view)
+    draw_bodies(picture, [Ball(np.array((0.5, 0.5, 0.5)), 0.2)], view)
     dry = picture.image.to_numpy()
     d = rays(picture.lens.numbers, WIDTH, HEIGHT).reshape(-1, 3)
     length = np.linalg.norm(d, axis=1)
@@ -234,8 +230,7 @@ def test_a_body_hides_water_behind_it_but_not_in_front_of_it(picture):
     # A drop behind the ball does not change the image, a drop in front of it does.
     for z, shown in ((0.15, False), (0.85, True)):
         place = view.eye + (0.5 - view.eye) * (view.eye[2] - z) / (view.eye[2] - 0.5)
-        picture.mesh.fill(*ball(place, 0.06))
-        picture.draw_water(view)
+        draw(picture, view, ball(place, 0.06))
         drop = covered(picture.raster, WIDTH, HEIGHT)
         assert (drop & inside).sum() > 5
         changed = abs(picture.image.to_numpy() - dry).max(axis=-1) > 1e-3
@@ -247,7 +242,7 @@ def test_the_light_of_a_body_is_in_proportion_to_its_albedo(picture):
     centre, radius = np.array((0.5, 0.5, 0.5)), 0.2
     shown = []
     for albedo in (None, (0.3, 0.5, 0.1), (0.0, 0.0, 0.0)):
-        draw(picture, [Ball(centre, radius, albedo=albedo)], framing(0.0, 0.2))
+        draw_bodies(picture, [Ball(centre, radius, albedo=albedo)], framing(0.0, 0.2))
         shown.append(linear(picture.image.to_numpy()))
     d = unit(rays(picture.lens.numbers, WIDTH, HEIGHT).reshape(-1, 3))
     near, _ = sphere(picture.lens.numbers["eye"][None], d, centre, 0.6 * radius)
@@ -283,7 +278,7 @@ def test_a_painted_body_shows_the_colours_of_its_triangles(picture):
     front = box.face_normals[:, 2] > 0.5
     paint = np.where(front[:, None], (0.02, 0.02, 0.02), (0.9, 0.9, 0.9))
     cube = Solid(np.array(box.vertices), np.array(box.faces), paint=paint)
-    draw(picture, [cube], framing(0.0, 0.5))
+    draw_bodies(picture, [cube], framing(0.0, 0.5))
     image, depth = linear(picture.image.to_numpy()), body_depth(picture)
     light = image[depth < 100.0].mean(axis=-1)
     dark = light < 0.2
@@ -294,9 +289,8 @@ def test_the_waterline_at_a_container_is_exact(picture, boundary):
     """A mesh that extends beyond the sides of a container, as meshes for images do, is rendered
     only inside the container, up to its side; the side has no water above the level."""
     level = 0.4
-    picture.mesh.fill(*still_water(level))
     picture.load(WIDTH, HEIGHT, BOX)
-    picture.draw_water(framing(0.3, 0.35))
+    draw(picture, framing(0.3, 0.35), still_water(level))
     d = unit(rays(picture.lens.numbers, WIDTH, HEIGHT).reshape(-1, 3))
     eye = picture.lens.numbers["eye"]
     near, far = sphere(np.tile(eye, (len(d), 1)), d, SHELL, ROOM)
@@ -326,7 +320,7 @@ def test_a_body_has_no_film_of_water_where_the_glass_cuts_it(picture):
     view, images = framing(0.25, 0.1), []
     view.target = np.array((0.4, 0.4, 1.0))
     view.zoom(0.05)
-    draw(picture, [Block(lo, hi)], view)
+    draw_bodies(picture, [Block(lo, hi)], view)
     for wet in (0.0, 1.0):
         picture.wetness.wet.fill(wet)
         picture.view = None
@@ -378,7 +372,7 @@ def test_a_ball_seen_through_the_glass_from_below_has_no_step_at_its_waterline(p
     view = framing(0.0, -0.45)
     view.target = np.array((0.5, level, 0.5))
     view.zoom(0.5)
-    draw(picture, [Ball(np.array((0.5, 0.3, 0.4)), 0.3)], view, still_water(level, n=32))
+    draw_bodies(picture, [Ball(np.array((0.5, 0.3, 0.4)), 0.3)], view, still_water(level, n=32))
     rows = covered(picture.raster, WIDTH, HEIGHT)[WIDTH // 2]
     red, green, _ = colours(picture.fields.canvas.to_numpy()[WIDTH // 2, :HEIGHT][rows]).T
     clay = red > 0.8 * green

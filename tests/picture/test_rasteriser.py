@@ -35,6 +35,13 @@ class Bench:
         self.lens.set(shot_numbers(camera, None, BOX, WIDTH, HEIGHT, Look()), whole=True)
         return self.lens.numbers, rays(self.lens.numbers, WIDTH, HEIGHT)
 
+    def draw(self, mesh, camera):
+        """Draws vertices, triangles and normals; returns the shot and its rays."""
+        self.mesh.fill(*mesh)
+        aimed = self.aim(camera)
+        self.draw_mesh()
+        return aimed
+
     def depth(self):
         """Returns the depth by the keys and the bound of its rounding [m]; FAR where nothing is
         drawn."""
@@ -55,9 +62,8 @@ def bench(taichi_runtime):
 
 
 def test_depth_of_a_plane_is_exact(bench):
-    bench.mesh.fill(*grid((0.1, 0.3, 0.9), (0.8, 0.1, 0), (0, 0.1, -0.7), 9))
-    shot, d = bench.aim(Camera.framing(BOX))
-    bench.draw_mesh()
+    plane = grid((0.1, 0.3, 0.9), (0.8, 0.1, 0), (0, 0.1, -0.7), 9)
+    shot, d = bench.draw(plane, Camera.framing(BOX))
     n = np.cross((0.8, 0.1, 0), (0, 0.1, -0.7))
     want = (np.array((0.1, 0.3, 0.9)) - shot["eye"]) @ n / (d @ n)
     seen, (z, slack) = covered(bench.raster, WIDTH, HEIGHT), bench.depth()
@@ -68,18 +74,14 @@ def test_depth_of_a_plane_is_exact(bench):
 
 def test_back_side_of_a_plane_is_not_a_front(bench):
     v, t, n = grid((0.1, 0.3, 0.9), (0.8, 0.1, 0), (0, 0.1, -0.7), 3)
-    bench.mesh.fill(v, t[:, ::-1], n)
-    bench.aim(Camera.framing(BOX))
-    bench.draw_mesh()
+    bench.draw((v, t[:, ::-1], n), Camera.framing(BOX))
     assert not covered(bench.raster, WIDTH, HEIGHT).any()
     assert (bench.back() < FAR).sum() > 250
 
 
 def test_faces_on_the_walls_do_not_count_as_back(bench):
-    v, t, n = grid((0, 0.3, 0.9), (0, 0.3, 0), (0, 0, -0.7), 3)
-    bench.mesh.fill(v, t, n)
-    bench.aim(Camera.framing(BOX, azimuth=4.9))
-    bench.draw_mesh()
+    wall = grid((0, 0.3, 0.9), (0, 0.3, 0), (0, 0, -0.7), 3)
+    bench.draw(wall, Camera.framing(BOX, azimuth=4.9))
     assert not (bench.back() < FAR).any()
 
 
@@ -87,18 +89,15 @@ def test_no_cracks_between_triangles(bench):
     """The surface is wider than the image and has triangles in all orientations."""
     v, t, n = grid((-3, 0, 3), (7, 0, 0), (0, 0, -7), 30)
     v[:, [0, 2]] += 0.03 * np.sin(37 * v[:, [2, 0]])
-    bench.mesh.fill(v, t, n)
     for azimuth in (0.0, 0.4, 1.3):
-        bench.aim(Camera(np.array((0.5, 0, 0.5)), azimuth, 1.2, 1.5, 0.7))
-        bench.draw_mesh()
+        bench.draw((v, t, n), Camera(np.array((0.5, 0, 0.5)), azimuth, 1.2, 1.5, 0.7))
         assert covered(bench.raster, WIDTH, HEIGHT).all()
 
 
 def test_triangles_through_the_near_plane_stay_on_their_plane(bench):
     """Two huge triangles lie below and behind the eye."""
-    bench.mesh.fill(*grid((-40, 0, 40), (80, 0, 0), (0, 0, -80), 1))
-    shot, d = bench.aim(Camera(np.array((0.5, 0.4, 0.5)), 0.3, 0.2, 1.6, 1.2))
-    bench.draw_mesh()
+    plane = grid((-40, 0, 40), (80, 0, 0), (0, 0, -80), 1)
+    shot, d = bench.draw(plane, Camera(np.array((0.5, 0.4, 0.5)), 0.3, 0.2, 1.6, 1.2))
     with np.errstate(divide="ignore"):
         z = -shot["eye"][1] / d[..., 1]
     hit = shot["eye"] + d * z[..., None]
@@ -111,9 +110,7 @@ def test_triangles_through_the_near_plane_stay_on_their_plane(bench):
 
 def test_thickness_of_a_ball(bench):
     centre, r = np.array((0.5, 0.4, 0.5)), 0.2
-    bench.mesh.fill(*ball(centre, r, 30))
-    shot, d = bench.aim(Camera.framing(BOX))
-    bench.draw_mesh()
+    shot, d = bench.draw(ball(centre, r, 30), Camera.framing(BOX))
     dc, dd = d @ (centre - shot["eye"]), (d * d).sum(-1)
     disc = dc**2 - dd * (((centre - shot["eye"]) ** 2).sum() - r * r)
     deep = disc / dd > (0.5 * r) ** 2  # away from the rim, where facets matter

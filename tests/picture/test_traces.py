@@ -1,7 +1,7 @@
 """Tests of the traces of water: wet walls, and ripples where the surface is disturbed."""
 
 import numpy as np
-from picture_kit import BOX, HEIGHT, LEVEL, WIDTH, canvas_of, still_water
+from picture_kit import BOX, HEIGHT, LEVEL, WIDTH, canvas_of, draw, still_water
 
 from msph.fluid.external_forces import Hand
 from msph.launches import watch_compiling
@@ -16,8 +16,7 @@ HAND = Hand(position=(0.5, LEVEL, 0.5), velocity=(1.0, 0.0, 0.0), radii=(0.2,) *
 
 def shown(picture, level):
     """Returns the image of still water up to a level [m]."""
-    picture.mesh.fill(*still_water(level))
-    picture.draw_water(VIEW)
+    draw(picture, VIEW, still_water(level))
     return canvas_of(picture)
 
 
