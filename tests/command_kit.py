@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import signal
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -20,7 +21,29 @@ def here(*arguments):
     return SimpleNamespace(returncode=code, stdout=out.getvalue(), stderr=err.getvalue())
 
 
-def python(*arguments, timeout=300, **options):
-    """Runs Python in a process; returns the process with its output."""
+def done(*arguments):
+    """Runs a command that must succeed, as here(); returns its output."""
+    result = here(*arguments)
+    assert result.returncode == 0, result.stderr
+    return result
+
+
+def started(*arguments, **options):
+    """Starts a command in a process; returns the process, whose messages can be read."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "msph", *map(str, arguments)],
+        stderr=subprocess.PIPE,
+        text=True,
+        # Tests started in the background ignore SIGINT, and so would the processes that they start.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        **options,
+    )
+
+
+def python(*arguments, timeout=300, may_fail=False, **options):
+    """Runs Python in a process, which must succeed unless it may fail; returns the process with its
+    output."""
     command = [sys.executable, *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=timeout, **options)
+    found = subprocess.run(command, capture_output=True, text=True, timeout=timeout, **options)
+    assert may_fail or found.returncode == 0, found.stderr[-2000:]
+    return found

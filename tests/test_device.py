@@ -30,7 +30,7 @@ assert threading.active_count() == 1, "a thread of Taichi's asks for newer versi
 def cpus_by_thread(threads):
     # It compiles nothing, and other tests write and clean the cache of kernels at the same time.
     environment = {**os.environ, "TI_OFFLINE_CACHE": "0"}
-    run = python("-c", SCRIPT.format(threads=threads), check=True, env=environment)
+    run = python("-c", SCRIPT.format(threads=threads), env=environment)
     return [tuple(map(int, line.split())) for line in run.stdout.splitlines()]
 
 
@@ -86,7 +86,7 @@ def test_compiled_kernels_are_cached_in_the_folder_of_taichis_environment_variab
     (tmp_path / "started.py").write_text(STARTED)
     environment = {**os.environ, "TI_OFFLINE_CACHE_FILE_PATH": str(tmp_path)}
     environment["PYTHONPATH"] = os.getcwd()
-    python(tmp_path / "started.py", env=environment, check=True)
+    python(tmp_path / "started.py", env=environment)
     assert not (tmp_path / device.LOCK).exists()
     assert list(tmp_path.glob("*.tic"))
 

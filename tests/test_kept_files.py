@@ -12,14 +12,8 @@ from msph import cli
 from msph.errors import MsphError
 from msph.lesson import commands as lesson_commands
 from msph.stage import commands, loaded_scene
-from tests.scenes_kit import TEXT, examples, write
+from tests.scenes_kit import GAUGE, TEXT, examples, write
 
-SCENE = f"""{TEXT}
-[[probes]]
-name = "gauge"
-kind = "height"
-at = [0.2, 0.2]
-"""
 SHORT = ("--set", "duration=0.04", "--set", "measure.every=0.02")
 MEASURED = (
     *("ledger.csv", "probes.csv", "summary.json", "scene.toml", "checkpoint.npz"),
@@ -72,7 +66,7 @@ def run(command, folder):
 
 def filled(folder, names):
     """Writes the scene and files of these names; returns all contents by path."""
-    write(folder, SCENE)
+    write(folder, TEXT + GAUGE)
     for name in names:
         (folder / name).write_text(f"a holiday: {name}")
     return {path: path.read_bytes() for path in folder.iterdir()}

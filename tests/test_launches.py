@@ -307,7 +307,6 @@ def test_plain_taichi_is_used_by_switch_or_if_needed(tmp_path, switch, lost, pla
     script = tmp_path / "sum.py"
     script.write_text(SCRIPT)
     result = python(script, *lost, env={**os.environ, SWITCH: switch})
-    assert result.returncode == 0, result.stderr
     assert result.stdout.splitlines()[-1] == f"{plain} {plain} 642.0"
     lacks = "lacks KernelLaunchContext.set_struct_arg_int: launches are slower"
     assert (lacks in result.stderr) == bool(lost)

@@ -22,13 +22,12 @@ from msph.measure.past import time_of
 from msph.own_files import claim, release
 from msph.scene import SceneError, load_scene
 from msph.scene.build import build_simulation
-from msph.scene.load import load_scene as load
 from msph.scene.load import to_toml
 from msph.scene.meshes import MeshError, load_mesh
 from msph.scene.parameters import parameters
 from msph.scene.schema import Scene
 from msph.stage.recorded_input import read as read_recording
-from tests.scenes_kit import TEXT, examples, write
+from tests.scenes_kit import LAYERED, POOL, examples, load
 
 FRAME, FRAMES = 1 / 60, 24
 FAILING = Path("failing_scene.toml")
@@ -134,7 +133,7 @@ def check_promises(scene, simulation, given_inputs):
 def test_an_invalid_scene_gives_one_line(tmp_path_factory, data):
     path = tmp_path_factory.getbasetemp() / "random.toml"
     path.write_bytes(_toml(data))
-    assert_one_line(lambda: load(str(path)))
+    assert_one_line(lambda: load_scene(str(path)))
 
 
 @examples(70)
@@ -142,7 +141,7 @@ def test_an_invalid_scene_gives_one_line(tmp_path_factory, data):
 def test_random_bytes_as_scene_mesh_or_checkpoint_give_one_line(tmp_path_factory, content):
     folder = tmp_path_factory.getbasetemp()
     for name, read in (
-        ("bytes.toml", lambda path: load(str(path))),
+        ("bytes.toml", lambda path: load_scene(str(path))),
         ("bytes.obj", lambda path: load_mesh.__wrapped__(str(path))),
         ("bytes.stl", lambda path: load_mesh.__wrapped__(str(path))),
         ("bytes.ply", lambda path: load_mesh.__wrapped__(str(path))),
@@ -157,8 +156,8 @@ def test_random_bytes_as_scene_mesh_or_checkpoint_give_one_line(tmp_path_factory
 @pytest.fixture(scope="module")
 def still(tmp_path_factory):
     """A small adaptive simulation with a floating body and a tap, and its state."""
-    scene = TEXT.replace('method = "classic"', "").replace("[classic]\nviscosity = 10.0", "") + BODY
-    simulation = build_simulation(load(write(tmp_path_factory.mktemp("still"), scene)))
+    folder = tmp_path_factory.mktemp("still")
+    simulation = build_simulation(load(folder, POOL + LAYERED + BODY))
     simulation.warm_up(1e-3)  # attempts are timed without compiling
     yield simulation, simulation.state()
     simulation.close()

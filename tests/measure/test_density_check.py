@@ -1,8 +1,6 @@
 """Tests of the stand-alone density check against the program's densities, on moving water."""
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +9,7 @@ import pytest
 from bench import tanks
 from msph.measure.bulk import bulk_density
 from msph.measure.kernel_density import kernel_density, kernel_sums
+from tests.command_kit import python
 
 SCRIPT = Path(__file__).parents[2] / "bench" / "density_check.py"
 
@@ -31,8 +30,7 @@ def test_stand_alone_density_check_agrees_within_ten_percent(tmp_path, layers):
     assert bulk == pytest.approx(0.03, abs=0.01)
     code = f"import sys; sys.argv = ['', {str(tmp_path / 'state.npz')!r}]\n"
     code += SCRIPT.read_text() + "\nassert not [m for m in sys.modules if m.startswith('msph')]"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    done = python("-c", code)
     mean, p99, found = (float(n) / 100.0 for n in re.findall(r"([+-]?[\d.]+) %", done.stdout))
     assert mean == pytest.approx(own.mean, rel=0.1) and mean > 0.01
     assert p99 == pytest.approx(own.p99, rel=0.1)

@@ -6,7 +6,7 @@ import pytest
 from msph.measure.resolution import mean_depth, narrowest_gap, resolution
 from msph.scene import load_scene
 from msph.scene.build import plan_of
-from tests.scenes_kit import write
+from tests.scenes_kit import load
 
 SCENE = """
 [box]
@@ -34,10 +34,6 @@ hi = [0.53, 0.5, 0.54]
 """
 
 
-def scene(tmp_path, bodies=""):
-    return load_scene(write(tmp_path, SCENE + bodies))
-
-
 @pytest.mark.parametrize(
     ("bodies", "gap", "across"),
     [
@@ -48,7 +44,7 @@ def scene(tmp_path, bodies=""):
     ],
 )
 def test_resolution_is_over_the_finest_spacing(tmp_path, bodies, gap, across):
-    found = resolution(plan_of(scene(tmp_path, bodies)), depth=0.3)
+    found = resolution(plan_of(load(tmp_path, SCENE + bodies)), depth=0.3)
     assert found["spacings_across_narrowest_gap"] == pytest.approx(gap / 0.02, rel=0.05)
     if across:
         assert found["spacings_across_bodies.0"] == pytest.approx(across / 0.02)
@@ -73,7 +69,7 @@ def test_thickness_of_a_ring_is_the_thickness_of_its_tube():
 
 def test_balls_that_touch_have_no_gap_between_them(tmp_path):
     """Of balls that touch, the narrowest gap is that to a wall; a spacing of 0 counts any gap."""
-    touching = scene(tmp_path, BALLS.replace("0.7, 0.4", "0.62, 0.4"))
+    touching = load(tmp_path, SCENE + BALLS.replace("0.7, 0.4", "0.62, 0.4"))
     bodies = plan_of(touching).bodies
     assert narrowest_gap((1.0, 0.8, 0.6), bodies, 0.02) == pytest.approx(0.6 - 0.3 - 0.12)
     assert narrowest_gap((1.0, 0.8, 0.6), bodies, 0.0) < 0.01
@@ -81,7 +77,7 @@ def test_balls_that_touch_have_no_gap_between_them(tmp_path):
 
 def test_mean_depth_is_twice_the_centres_height(tmp_path):
     centres = np.array([[0.5, 0.1, 0.3], [0.5, 0.2, 0.3]])
-    plan = plan_of(scene(tmp_path))
+    plan = plan_of(load(tmp_path, SCENE))
     assert mean_depth((0.0, -9.81, 0.0), plan, centres) == pytest.approx(0.3)
     assert mean_depth((0.0, 9.81, 0.0), plan, centres) == pytest.approx(2 * (0.8 - 0.15))
     assert np.isnan(mean_depth((0.0, 0.0, 0.0), plan, centres))

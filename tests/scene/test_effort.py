@@ -3,26 +3,17 @@
 import pytest
 import trimesh
 
-from msph.scene import SceneError, load_scene
+from msph.scene import SceneError
 from msph.scene.bodies import bodies
 from msph.scene.effort import effort, in_words, steps_per_second
 from msph.scene.water import layer_specs
-from tests.scenes_kit import write
+from tests.scenes_kit import CUBE, load
 
-POOL = """
-[box]
-size = [1.0, 1.0, 1.0]
-[[layers]]
-spacing = 0.05
-[[water]]
-lo = [0, 0, 0]
-hi = [1, 0.5, 1]
-"""
 BALL = "bodies=[{centre=[0.5, 0.2, 0.5], radius=0.1, "
 
 
 def scene(tmp_path, *overrides):
-    return load_scene(write(tmp_path, POOL), overrides)
+    return load(tmp_path, CUBE, "layers=[{spacing=0.05}]", *overrides)
 
 
 def test_short_steps_are_reported_with_their_elapsed_time(tmp_path):

@@ -10,7 +10,7 @@ from msph.scene.load import parse_override, to_toml
 from msph.scene.parameters import parameters
 from msph.scene.schema import Scene
 from msph.scene.water import initial_particles, layer_specs, specified_mass
-from tests.scenes_kit import CUBE, write
+from tests.scenes_kit import CUBE, load, write
 
 
 def test_byte_order_mark_is_accepted(tmp_path):
@@ -23,7 +23,7 @@ def test_probe_inside_a_body_gives_a_caution(tmp_path):
     body = "[[bodies]]\ncentre = [0.5, 0.2, 0.5]\nradius = 0.3\n"
     probe = '[[probes]]\nname = "{}"\nkind = "pressure"\npoint = [0.5, {}, 0.5]\n'
     text = CUBE + body + probe.format("in", 0.3) + probe.format("on", 0.5)
-    (line,) = cautions(load_scene(write(tmp_path, text)))
+    (line,) = cautions(load(tmp_path, text))
     assert line.startswith("probes.0: (0.5, 0.3, 0.5) m is inside a body")
 
 
@@ -31,23 +31,23 @@ def test_floating_bodies_that_overlap_at_the_start_give_a_caution(tmp_path):
     box = "[[bodies]]\nlo = [{0}, 0.4, 0.4]\nhi = [{1}, 0.6, 0.6]\n"
     ball = "[[bodies]]\ncentre = [0.75, 0.5, 0.5]\nradius = 0.1\ndensity = 500\n"
     text = CUBE + box.format(0.2, 0.4) + box.format(0.35, 0.5) + box.format(0.5, 0.7)
-    assert not cautions(load_scene(write(tmp_path, text)))
-    (line,) = cautions(load_scene(write(tmp_path, text + ball)))
+    assert not cautions(load(tmp_path, text))
+    (line,) = cautions(load(tmp_path, text + ball))
     assert line.startswith("bodies.3: overlaps bodies.2 at the start")
 
 
 def test_layer_too_coarse_for_its_box_gives_a_caution(tmp_path):
-    scene = load_scene(write(tmp_path, CUBE), ("layers.1.spacing=0.35",))
+    scene = load(tmp_path, CUBE, "layers.1.spacing=0.35")
     line, _ = cautions(scene)
     assert line.startswith("layers.1: pressures will be inaccurate") and "0.35 m" in line
-    assert not cautions(load_scene(write(tmp_path, CUBE)))
+    assert not cautions(load(tmp_path, CUBE))
 
 
 def test_layers_of_very_different_masses_give_a_caution(tmp_path):
     """Layers count as next to each other by mass, in whichever order they are listed."""
     ratios = {"0.1": [], "0.12": ["layers.1"]}  # edges of the coarser particles of layer 1
     for spacing, named in ratios.items():
-        scene = load_scene(write(tmp_path, CUBE), (f"layers.1.spacing={spacing}",))
+        scene = load(tmp_path, CUBE, f"layers.1.spacing={spacing}")
         assert [line.split(":")[0] for line in cautions(scene)] == named
 
 

@@ -3,18 +3,7 @@
 import pytest
 
 from msph.scene import SceneError, load_scene
-from tests.scenes_kit import CUBE, write
-
-TANK = """
-duration = 4.0
-[box]
-size = [2.0, 0.6, 0.2]
-[[layers]]
-spacing = 0.04
-[[water]]
-lo = [0, 0, 0]
-hi = [2, 0.4, 0.2]
-"""
+from tests.scenes_kit import CUBE, TANK, write
 
 # Text before a scene, and the refusal of the file.
 FILES = {
@@ -51,7 +40,6 @@ OF_CUBE = {
         "water.0.hi=[1, 1.5, 1]": "water.0: reaches from (0, 0, 0) m to (1, 1.5, 1) m, outside",
         "water.0.layer=2": "water.0.layer: must be a layer's index from 0 to 1 (got 2)",
         "water.0.radius=0.1": "water.0: give either lo and hi, or centre and radius",
-        "water.0.count=99999": "water.0.count: 99999 particles do not fit, there is room for",
         "water.0.lo.0.a=1": "--set: water.0.lo.0.a: 'a' is not a parameter",
         "density=1e30": "density: input should be less than or equal to 100000",
         "projection.spray=1": "projection.spray: input should be less than or equal to 0.95",

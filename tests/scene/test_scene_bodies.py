@@ -9,16 +9,9 @@ from msph.picture.tone import CLAY, albedo
 from msph.scene import SceneError, build_simulation, load_scene
 from msph.scene.bodies import bodies
 from msph.scene.load import to_toml
+from tests.scenes_kit import CUBE
 
-GOOD = """
-method = "projection"
-[box]
-size = [1.0, 1.0, 1.0]
-[[layers]]
-spacing = 0.1
-[[water]]
-lo = [0, 0, 0]
-hi = [1, 0.5, 1]
+GOOD = f"""{CUBE.replace("mass = 0.3", "spacing = 0.1")}
 [[bodies]]
 lo = [0.2, 0.0, 0.2]
 hi = [0.4, 0.6, 0.4]

@@ -5,26 +5,11 @@ import itertools
 import numpy as np
 import pytest
 
-from msph.scene import SceneError, load_scene
+from msph.scene import SceneError
 from msph.scene.water import capacity, fill, initial_particles, layer_specs, specified_mass
+from tests.scenes_kit import CUBE, load
 
-TEXT = """
-[box]
-size = [1.0, 1.0, 1.0]
-[[layers]]
-mass = 0.2
-[[layers]]
-spacing = 0.1
-[[water]]
-lo = [0, 0, 0]
-hi = [1, 0.5, 1]
-"""
-
-
-def load(folder, text=TEXT, *overrides):
-    path = folder / "scene.toml"
-    path.write_text(text)
-    return load_scene(str(path), overrides)
+TEXT = CUBE.replace("mass = 0.3", "mass = 0.2")
 
 
 def sites(scene, layer=0):

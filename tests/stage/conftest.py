@@ -6,13 +6,12 @@ import math
 import pytest
 
 from msph.measure.timings import Timings
-from msph.scene import load_scene
 from msph.scene.live import live_parameters, read
 from msph.stage.layout import Layout
 from msph.stage.pacer import Pacer
 from msph.stage.panel import PAGES
 from msph.stage.show import INTERACTIVE, Show
-from tests.scenes_kit import TEXT, WATER, write
+from tests.scenes_kit import POOL, WATER, load
 from tests.stage.player_kit import FRAME, SIZE, Asked, played
 
 
@@ -20,14 +19,8 @@ from tests.stage.player_kit import FRAME, SIZE, Asked, played
 @pytest.fixture(scope="module")
 def show(tmp_path_factory):
     """Yields a show of viscous water, which has more live parameters."""
-    path = write(
-        tmp_path_factory.mktemp("scene"),
-        f"""{TEXT.split("[classic]")[0]}
-[projection]
-viscosity = 1.0
-{WATER}""",
-    )
-    scene = load_scene(path, ("method=projection", "adaptation.enabled=true"))
+    viscous = f"{POOL}[projection]\nviscosity = 1.0\n{WATER}"
+    scene = load(tmp_path_factory.mktemp("scene"), viscous, "adaptation.enabled=true")
     show = Show(scene, FRAME, SIZE, timings=Timings(keep=1), **INTERACTIVE)
     yield show
     show.close()

@@ -9,7 +9,6 @@ import pytest
 
 from msph.errors import BlowUpError
 from msph.measure.timings import Timings
-from msph.scene import load_scene
 from msph.stage import autosave
 from msph.stage.autosave import Autosaver, forget, lost_session, session_file
 from msph.stage.choice import Choice, SceneArguments
@@ -18,7 +17,7 @@ from msph.stage.recorded_input import Header
 from msph.stage.row import Row
 from msph.stage.show import INTERACTIVE, Show
 from msph.stage.window import ClosedError
-from tests.scenes_kit import write
+from tests.scenes_kit import load
 from tests.stage.player_kit import FRAME
 from tests.stage.test_recording import Count
 
@@ -38,7 +37,7 @@ def others(monkeypatch):
 
 @pytest.fixture
 def row(tmp_path):
-    show = Show(load_scene(write(tmp_path)), FRAME, timings=Timings(keep=1), **INTERACTIVE)
+    show = Show(load(tmp_path), FRAME, timings=Timings(keep=1), **INTERACTIVE)
     row = Row([show])
     yield row
     row.close()

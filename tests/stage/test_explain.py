@@ -7,12 +7,12 @@ import pytest
 from msph.scene import load_scene
 from msph.scene.parts import PARTS
 from msph.stage import explain
-from tests.scenes_kit import write
+from tests.scenes_kit import load, write
 
 
 @pytest.fixture
 def scene(tmp_path):
-    return load_scene(write(tmp_path))
+    return load(tmp_path)
 
 
 def test_active_parts_are_the_parts_that_a_scene_has(scene):

@@ -10,12 +10,11 @@ from msph.measure.measurement import Measurement
 from msph.measure.past import CheckpointError, time_of
 from msph.measure.table import read
 from msph.measure.timings import Timings
-from msph.scene import load_scene
 from msph.stage.controls import Controls
 from msph.stage.loop import run
 from msph.stage.row import Row
 from msph.stage.show import Show
-from tests.scenes_kit import TEXT, write
+from tests.scenes_kit import GAUGE, TEXT, load
 
 EVERY, CUT, END = 0.02, 0.06, 0.12
 SWAY = """
@@ -25,10 +24,6 @@ period = 0.5
 [measure]
 every = 0.02
 survey = 0.04
-[[probes]]
-name = "gauge"
-kind = "height"
-at = [0.2, 0.2]
 """
 
 
@@ -45,7 +40,7 @@ def runs(tmp_path_factory):
     """Returns the folders and summaries of an uninterrupted run, and of a run that was stopped
     beyond its checkpoint and resumed."""
     whole, cut = tmp_path_factory.mktemp("whole"), tmp_path_factory.mktemp("cut")
-    scene = load_scene(write(whole, TEXT + SWAY))
+    scene = load(whole, TEXT + SWAY + GAUGE)
     show = Show(scene, EVERY, timings=Timings())
     found = [measured(show, whole, scene, END)]
     show.reset()
@@ -96,7 +91,7 @@ def test_the_summary_covers_the_whole_run(runs):
 
 
 def test_a_checkpoint_at_the_end_of_the_scene_is_refused(tmp_path):
-    scene = load_scene(write(tmp_path))
+    scene = load(tmp_path)
     with pytest.raises(CheckpointError, match=r"is at 0.2 s and the run ends at 0.2 s"):
         Measurement(tmp_path, scene, "small", "cpu", bar=False, since=0.2)
     assert not (tmp_path / "ledger.csv").exists()
@@ -104,7 +99,7 @@ def test_a_checkpoint_at_the_end_of_the_scene_is_refused(tmp_path):
 
 def test_a_blow_up_leaves_a_checkpoint_of_the_last_good_frame(tmp_path):
     """Regression: the checkpoint was up to 10 s older, if there was one."""
-    scene = load_scene(write(tmp_path, TEXT))
+    scene = load(tmp_path)
     show = Show(scene, EVERY, timings=Timings())
     measurement = Measurement(tmp_path, scene, "small", "cpu", bar=False)
 

@@ -20,7 +20,7 @@ from msph.stage.row import Row
 from msph.stage.show import Show
 from msph.stage.tools import PRESS_TIME, TOOLS
 from msph.stage.touch import Touch
-from tests.scenes_kit import TEXT, WATER, write
+from tests.scenes_kit import POOL, WATER, load
 from tests.stage.player_kit import HEIGHT, SIZE, WIDTH, drag, frames, press, wet_pixels, wet_place
 
 DOWN = (0.0, -9.81, 0.0)  # gravity [m/s^2]
@@ -28,9 +28,8 @@ DOWN = (0.0, -9.81, 0.0)  # gravity [m/s^2]
 
 # The next two tests run before `show` is built, and use its fields.
 def test_a_wall_that_a_body_touches_does_not_move(tmp_path):
-    body = 'method = "projection"\n[[bodies]]\nlo = [0, 0, 0.1]\nhi = [0.1, 0.4, 0.3]\n'
-    text = body.join(TEXT.split("[classic]")[0].split('method = "classic"\n')) + WATER
-    show = Show(load_scene(write(tmp_path, text)), 1 / 60)
+    body = "[[bodies]]\nlo = [0, 0, 0.1]\nhi = [0.1, 0.4, 0.3]\n"
+    show = Show(load(tmp_path, POOL + WATER + body), 1 / 60)
     use = ToolUse.of("wave", (np.zeros(3),) * 5, 1 / 60, 1 / 60)
     show.frame(Controls(use=use))
     assert "no room" in show.note and show.simulation.piston is None
@@ -39,7 +38,7 @@ def test_a_wall_that_a_body_touches_does_not_move(tmp_path):
 
 def test_the_classic_method_refuses_added_bodies_and_openings(tmp_path):
     """Regression: a tap opened, and the water ignored it."""
-    show = Show(load_scene(write(tmp_path)), 1 / 60)
+    show = Show(load(tmp_path), 1 / 60)
     opening = Opening(np.array((0.2, 0.0, 0.2)), np.array((0.0, -1.0, 0.0)), (0.1, 0.1), False)
     with pytest.raises(FullError, match="no inflows"):
         show.simulation.add_opening(opening, DOWN)

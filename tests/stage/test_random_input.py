@@ -3,32 +3,22 @@
 import pytest
 
 from bench.random_input import LIMITS, problems, run_scene
-from msph.scene import load_scene
 from msph.stage.touch import Touch
-from tests.scenes_kit import TEXT, write
+from tests.scenes_kit import POOL, WATER, load
 
-POOL = TEXT.split("[classic]")[0].replace("[box]", "[box]\nopen = true")
+OPEN = POOL.replace("[box]", "[box]\nopen = true")
 # The water reaches one spacing below the rim, so that some gestures spill water in any order.
-BRIMFUL = POOL.replace("size = [0.4, 0.4, 0.4]", "size = [0.4, 0.19, 0.4]")
-ADAPTIVE = ("method=projection", "adaptation.enabled=true")
+BRIMFUL = OPEN.replace("size = [0.4, 0.4, 0.4]", "size = [0.4, 0.19, 0.4]")
 SCENES = {
-    "open": f"{BRIMFUL}\n[[water]]\nlayer = 1\nlo = [0, 0, 0]\nhi = [0.4, 0.1512, 0.4]\n",
-    "post": f"""{POOL}
-[[bodies]]
-lo = [0.15, 0.0, 0.15]
-hi = [0.25, 0.4, 0.25]
-[[water]]
-layer = 1
-lo = [0, 0, 0]
-hi = [0.4, 0.1512, 0.4]
-""",
+    "open": BRIMFUL + WATER,
+    "post": f"{OPEN}{WATER}[[bodies]]\nlo = [0.15, 0.0, 0.15]\nhi = [0.25, 0.4, 0.25]\n",
 }
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_random_input_loses_no_water(name, tmp_path):
-    scene = load_scene(write(tmp_path, SCENES[name]), ADAPTIVE)
+    scene = load(tmp_path, SCENES[name], "adaptation.enabled=true")
     found = run_scene(scene, name, 60, 1)
     assert problems(found) == []
     assert found["added [kg]"] > 0.0
@@ -44,7 +34,7 @@ def test_mass_changes_and_other_problems_are_reported(tmp_path, monkeypatch):
         touch.simulation.world.parts.impulses.added_mass.total[None] = 0.0
 
     monkeypatch.setattr(Touch, "add_water", forgets)
-    scene = load_scene(write(tmp_path, SCENES["open"]), ADAPTIVE)
+    scene = load(tmp_path, SCENES["open"], "adaptation.enabled=true")
     (problem,) = problems(run_scene(scene, "open", 20, 1))
     assert problem.startswith("mass change")
     good = {**dict.fromkeys(LIMITS, 0.0), "ended": "finished"}

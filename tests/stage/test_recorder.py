@@ -2,7 +2,6 @@
 
 import errno
 import signal
-import subprocess
 import sys
 from pathlib import Path
 from xml.etree import ElementTree
@@ -30,8 +29,8 @@ from msph.stage.loop import run
 from msph.stage.recorder import LostOutputError, Recorder
 from msph.stage.row import Row
 from msph.stage.show import SIMULATED, Show
-from tests.command_kit import here
-from tests.scenes_kit import TEXT, WATER, write
+from tests.command_kit import done, here, started
+from tests.scenes_kit import LAYERED, POOL, WATER, load, write
 
 SIZE = (163, 91)
 FPS = 30.0
@@ -39,8 +38,7 @@ FPS = 30.0
 
 # The next tests run before `show` is built, and use its fields.
 def test_vtu_bodies_have_their_motion_and_the_forces_of_the_water(tmp_path):
-    text = TEXT.replace('"classic"', '"projection"').split("[classic]")[0] + WATER + BODIES
-    show = Show(load_scene(write(tmp_path, text)), 1 / FPS)
+    show = Show(load(tmp_path, POOL + WATER + BODIES), 1 / FPS)
     boundary, frames = show.simulation.boundary, 4
     run(Row([show]), Recorder(Outputs(bodies=[tmp_path / "b_%d.vtu"]), frames, FPS, bar=False))
     files = [meshio.read(tmp_path / f"b_{k}.vtu") for k in range(frames)]
@@ -69,8 +67,8 @@ def test_vtu_bodies_have_their_motion_and_the_forces_of_the_water(tmp_path):
 def test_a_checkpoint_with_added_water_is_resumed(tmp_path, monkeypatch):
     """Regression: the checkpoint had more particles than the scene has room for."""
     monkeypatch.setattr(loaded_scene, "start", lambda arch, threads: "cpu")
-    scene = write(tmp_path, TEXT.replace("[classic]", "[projection]"))
-    show = Show(load_scene(scene, ("method=projection",)), 1 / FPS, **SIMULATED)
+    scene = write(tmp_path, POOL + LAYERED)
+    show = Show(load_scene(scene), 1 / FPS, **SIMULATED)
     room, size = show.simulation.plan.initial["x"].shape[0], np.array(show.simulation.size)
     sites = np.stack(np.meshgrid(*[np.arange(1, 9) / 9 * s for s in size]), axis=-1).reshape(-1, 3)
     finest = show.simulation.layers.finest_index
@@ -78,17 +76,15 @@ def test_a_checkpoint_with_added_water_is_resumed(tmp_path, monkeypatch):
     assert show.simulation.particles.count > room
     write_particles(tmp_path / "full.npz", show)
     show.close()
-    arguments = scene, "--resume", tmp_path / "full.npz", "--set", "method=projection"
+    arguments = scene, "--resume", tmp_path / "full.npz"
     files = "--particles", tmp_path / "p_%d.npz", "--seconds", "0.1", "--fps", "20"
-    captured = here("capture", *arguments, *files)
-    assert captured.returncode == 0, captured.stderr
-    measured = here("measure", *arguments, "-o", tmp_path / "measured", "--seconds", "0.05")
-    assert measured.returncode == 0, measured.stderr
+    done("capture", *arguments, *files)
+    done("measure", *arguments, "-o", tmp_path / "measured", "--seconds", "0.05")
 
 
 @pytest.fixture(scope="module")
 def show(tmp_path_factory):
-    scene = load_scene(write(tmp_path_factory.mktemp("scene")))
+    scene = load(tmp_path_factory.mktemp("scene"))
     show = Show(scene, 1.0 / FPS, size=SIZE, meshes=True)
     yield show
     show.close()
@@ -292,16 +288,8 @@ def test_a_full_disk_gives_one_line_and_lost_files_are_not_listed(show, tmp_path
 def test_an_interrupt_leaves_playable_files(tmp_path):
     """Regression: an interrupt within a write killed the encoder."""
     targets = [tmp_path / "cut.mp4", tmp_path / "cut.gif"]
-    command = [sys.executable, "-m", "msph", "capture", write(tmp_path), "-o", str(targets[0])]
-    command += ["-o", str(targets[1]), "--seconds", "4", "--size", "64x36", "--arch", "cpu"]
-    process = subprocess.Popen(
-        command,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        # Tests started in the background ignore SIGINT, and so would the processes that they start.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )
+    command = ["capture", write(tmp_path), "-o", targets[0], "-o", targets[1], "--seconds", "4"]
+    process = started(*command, "--size", "64x36", "--arch", "cpu", start_new_session=True)
     try:
         # The command prints a line per tenth of the run.
         for line in process.stderr:

@@ -19,11 +19,11 @@ from msph.stage.recorded_input import Header, Recording, RecordingError, read
 from msph.stage.row import Row
 from msph.stage.show import INTERACTIVE, SIMULATED, Show
 from msph.stage.tools import TOOLS
-from tests.command_kit import here
-from tests.scenes_kit import TEXT, WATER, write
+from tests.command_kit import done, here
+from tests.scenes_kit import POOL, WATER, write
 from tests.stage.player_kit import FRAME, SIZE, Asked, Screen, Sender
 
-SCENE = TEXT.split("[classic]")[0] + WATER
+SCENE = POOL + WATER
 OVERRIDES = ("method=projection", "adaptation.enabled=true")
 FRAMES = 130
 TICK = 0.01  # [s]
@@ -166,13 +166,11 @@ def test_capture_and_measure_end_in_the_state_of_the_session(played, one_taichi,
     path, state = played
     duration = read(path).duration
     number = math.ceil(duration)
-    captured = here(
+    done(
         *("capture", "--replay", path, "--fps", number / duration, "--size", "64x36"),
         *("-o", tmp_path / "a.png", "--particles", tmp_path / "p_%02d.npz"),
     )
-    assert captured.returncode == 0, captured.stderr
-    measured = here("measure", "--replay", path, "-o", tmp_path / "measured")
-    assert measured.returncode == 0, measured.stderr
+    done("measure", "--replay", path, "-o", tmp_path / "measured")
     for file in (f"p_{number - 1:02d}.npz", "measured/checkpoint.npz"):
         with np.load(tmp_path / file) as found:
             same(state, dict(found))
@@ -184,10 +182,7 @@ def test_a_capture_records_the_frames_that_are_due(played, one_taichi, tmp_path)
     path, _ = played
     end = read(path).duration
     names = tmp_path / "p_%03d.npz"
-    found = here(
-        "capture", "--replay", path, "--fps", "20", "--seconds", "0.5", "--particles", names
-    )
-    assert found.returncode == 0, found.stderr
+    done("capture", "--replay", path, "--fps", "20", "--seconds", "0.5", "--particles", names)
     files = sorted(tmp_path.glob("p_*.npz"))
     assert len(files) == 10 < 20 * end
     times = [float(np.load(file)["time"]) for file in files]
@@ -197,8 +192,7 @@ def test_a_capture_records_the_frames_that_are_due(played, one_taichi, tmp_path)
 
 def test_bench_runs_the_recorded_frames(played, one_taichi, tmp_path):
     rows = tmp_path / "rows.json"
-    found = here("bench", "--replay", played[0], "--no-render", "--json", rows)
-    assert found.returncode == 0, found.stderr
+    done("bench", "--replay", played[0], "--no-render", "--json", rows)
     assert json.loads(rows.read_text())[0]["frames"] == read(played[0]).moving
 
 
@@ -206,8 +200,7 @@ def test_play_without_a_display_records_and_replays(played, one_taichi, tmp_path
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.setattr(commands, "FALLBACK_SIZE", (64, 36))
     monkeypatch.chdir(tmp_path)
-    found = here("play", "--replay", played[0], "--record-input", "again.jsonl")
-    assert found.returncode == 0, found.stderr
+    done("play", "--replay", played[0], "--record-input", "again.jsonl")
     again = read(tmp_path / "again.jsonl")
     assert [f.input for f in again.frames] == [f.input for f in read(played[0]).frames]
     assert here("play", "--record-input", "again.jsonl").returncode == 2

@@ -1,12 +1,11 @@
 """Tests of what is compiled until the first image: numbers of kernels and of syntax nodes."""
 
 import os
-import subprocess
-import sys
 
 import pytest
 
 from msph.taichi_internals import PLAIN
+from tests.command_kit import python
 
 # Renders the first images of scenes as `capture` does in a new process, and prints for each the
 # numbers of compiled kernels and of syntax nodes that Taichi's front end visits.
@@ -46,14 +45,7 @@ def test_first_images_need_few_kernels_and_syntax_nodes() -> None:
 
     The second scene has bodies, and its numbers are of what it needs in addition to the first."""
     limits = {"pool": (63, 61_000), "duck": (60, 121_000)}
-    result = subprocess.run(
-        [sys.executable, "-c", SCRIPT, *limits],
-        env={**os.environ, "TI_ADVANCED_OPTIMIZATION": "0"},
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-    assert result.returncode == 0, result.stderr
+    result = python("-c", SCRIPT, *limits, env={**os.environ, "TI_ADVANCED_OPTIMIZATION": "0"})
     found = [tuple(map(int, line.split())) for line in result.stdout.splitlines()]
     for own, most in zip(found, limits.values(), strict=True):
         assert own[0] <= most[0] and own[1] <= most[1], found

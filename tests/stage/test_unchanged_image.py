@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 
 from msph.launches import watch_launches
-from msph.scene import load_scene
 from msph.stage.controls import Controls
 from msph.stage.show import Show
-from tests.scenes_kit import write
+from tests.scenes_kit import load
 
 
 @pytest.fixture(scope="module")
 def show(tmp_path_factory):
-    show = Show(load_scene(write(tmp_path_factory.mktemp("scene"))), 1 / 60, size=(160, 90))
+    show = Show(load(tmp_path_factory.mktemp("scene")), 1 / 60, size=(160, 90))
     show.frame(Controls())
     yield show
     show.close()
