@@ -1,10 +1,19 @@
 """Boundary without a simulation, for tests of bodies without water."""
 
+import numpy as np
+
 from msph.fluid.boundary.boundary import Boundary
+from msph.fluid.boundary.rigid_bodies import Solid
 from msph.fluid.boundary.walls import wall_constants
 from msph.fluid.constants import Constants
 from msph.fluid.particles.layers import Layers
 from msph.fluid.room import FIRST
+
+
+def solid(mesh, shift=(0.0, 0.0, 0.0), **options):
+    """Returns the body of a mesh of trimesh, moved by a shift [m]."""
+    return Solid(np.array(mesh.vertices) + shift, np.array(mesh.faces), **options)
+
 
 _built: list[Boundary] = []
 

@@ -105,6 +105,12 @@ def vectors(sim, *names):
     return [sim.particles.numpy(name).astype(float) for name in names or "xv"]
 
 
+def in_order(particles, *names):
+    """Returns attributes of the particles in the order of their ids."""
+    order = np.argsort(particles.numpy("id"))
+    return [particles.numpy(name)[order] for name in names]
+
+
 def momenta(sim, middle):
     """Returns momentum, angular momentum about a point, and the scales of both: sums of the
     particles' magnitudes."""

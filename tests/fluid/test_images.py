@@ -6,12 +6,21 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from msph.errors import BlowUpError
-from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
+from msph.fluid.boundary.rigid_bodies import Ball, Block
 from msph.fluid.particles.images import image_capacity
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.projection.solver import Projection
-from tests.boundary_kit import boundary_of
-from tests.fluid.fluid_kit import lattice, listed, parts, simulate, spans, spec_of, sum_of_entries
+from tests.boundary_kit import boundary_of, solid
+from tests.fluid.fluid_kit import (
+    in_order,
+    lattice,
+    listed,
+    parts,
+    simulate,
+    spans,
+    spec_of,
+    sum_of_entries,
+)
 
 D = 0.04
 FINE, COARSE = spec_of(D), LayerSpec(2000.0 * D**3, 1000.0, 2.45)
@@ -35,11 +44,6 @@ def simulation(x, layer, size, bodies):
     return simulate(size, [FINE, COARSE], x, layer, bodies=bodies)
 
 
-def in_order(sim, *names):
-    order = np.argsort(sim.particles.numpy("id"))
-    return [np.array(sim.particles.numpy(name))[order] for name in names]
-
-
 @pytest.mark.parametrize(("axis", "far"), [(0, False), (0, True), (1, False), (2, True)])
 def test_a_block_along_a_wall_mirrors_as_the_wall_does(axis, far):
     """Density, gradient and diagonal equal those at a wall in place of the block's mirror, also in
@@ -58,7 +62,7 @@ def test_a_block_along_a_wall_mirrors_as_the_wall_does(axis, far):
         place = (x + shift).astype(np.float32)
         sim = simulation(place, 0 * layer, tuple(larger), [Block(lo, hi)] if block else [])
         sim.measure_density()
-        found.append(in_order(sim, "density", "gradient", "diagonal"))
+        found.append(in_order(sim.particles, "density", "gradient", "diagonal"))
         sim.close()
     for one, other in zip(*found, strict=True):
         assert np.abs(one - other).max() < 1e-3 * np.abs(one).max()
@@ -110,11 +114,10 @@ def test_ratios_of_meshes_are_smooth_where_their_shares_vanish():
 def bodies_at_walls():
     """Returns a floating block, ball and mesh, each near walls."""
     mesh = trimesh.creation.box((0.1, 0.12, 0.1))
-    mesh.apply_translation((0.25, 0.14, 0.08))
     return [
         Block(np.array((0.02, 0.1, 0.1)), np.array((0.12, 0.2, 0.2)), mass=0.5),
         Ball(np.array((0.42, 0.08, 0.3)), 0.06, mass=0.5),
-        Solid(np.array(mesh.vertices), np.array(mesh.faces), mass=0.5),
+        solid(mesh, (0.25, 0.14, 0.08), mass=0.5),
     ]
 
 
@@ -168,7 +171,8 @@ def test_bodies_at_opposite_walls_have_mirrored_forces():
         sim = simulation(place, layer, tuple(size), [ball])
         sim.measure_density()
         order = np.argsort(sim.particles.numpy("id"))
-        found.append([*in_order(sim, "body_share"), sum_of_entries(sim, "body images")[order]])
+        (share,) = in_order(sim.particles, "body_share")
+        found.append([share, sum_of_entries(sim, "body images")[order]])
         sim.close()
     found[1][1][:, 0] *= -1.0
     for one, other in zip(*found, strict=True):

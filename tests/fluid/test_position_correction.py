@@ -9,6 +9,7 @@ from tests.fluid.fluid_kit import (
     WEIGHTLESS,
     advance,
     all_pairs,
+    in_order,
     lattice,
     listed,
     masses,
@@ -164,8 +165,7 @@ def test_uniform_compression_raises_the_density_as_it_reduces_the_volume():
     def densities():
         solver.particles_moved()
         solver.measure_density()
-        order = np.argsort(p.numpy("id"))
-        return p.numpy("x")[order], p.numpy("density")[order]
+        return in_order(p, "x", "density")
 
     x, before = densities()
     p.x.from_numpy((0.5 + (1.0 - squeeze) * (p.x.to_numpy() - 0.5)).astype(np.float32))

@@ -5,12 +5,13 @@ import pytest
 
 from msph.fluid.boundary.opening import Opening, Valve
 from msph.fluid.trapped_water import TrappedWaterError
-from msph.scene import build_simulation, load_scene
+from msph.scene import build_simulation
 from msph.stage.headless import Headless
 from msph.stage.loop import run
 from msph.stage.row import Row
 from msph.stage.show import Show
-from tests.fluid.fluid_kit import GRAVITY, WEIGHTLESS, advance, ledger_of
+from tests.fluid.fluid_kit import GRAVITY, WEIGHTLESS, advance, in_order, ledger_of
+from tests.scenes_kit import load
 
 # A piston as wide as the box, above a ball at rest in the water.
 PISTON = """
@@ -35,14 +36,8 @@ MOTIONS = {
 }
 
 
-def load(folder, *changes):
-    path = folder / "piston.toml"
-    path.write_text(PISTON)
-    return load_scene(str(path), changes)
-
-
 def test_piston_without_a_gap_is_reported_by_name(tmp_path):
-    sim = build_simulation(load(tmp_path, *MOTIONS["fast"]))
+    sim = build_simulation(load(tmp_path, PISTON, *MOTIONS["fast"]))
     with pytest.raises(TrappedWaterError, match=r"bodies\.1 compresses water that cannot flow"):
         advance(sim, 120)
 
@@ -50,14 +45,14 @@ def test_piston_without_a_gap_is_reported_by_name(tmp_path):
 def test_water_thrown_at_a_wall_beside_a_slow_body_is_not_trapped(tmp_path):
     """Regression: without gravity, pressures were compared with the speed of the body alone."""
     thrown = ("gravity=[0, 0, 0]", "bodies.0.spin=1e-100", "water.0.velocity=[2, 0, 0]")
-    sim = build_simulation(load(tmp_path, *thrown))
+    sim = build_simulation(load(tmp_path, PISTON, *thrown))
     advance(sim, 15, WEIGHTLESS)
     assert sim.particles.numpy("pressure").max() > 0.0
 
 
 def test_piston_over_half_of_the_box_traps_no_water(tmp_path):
     room = ("bodies.1.hi=[0.12, 0.38, 0.24]", "bodies.1.velocity=[0, -0.5, 0]")
-    sim = build_simulation(load(tmp_path, *room))
+    sim = build_simulation(load(tmp_path, PISTON, *room))
     advance(sim, 15)
     assert sim.particles.numpy("x")[:, 1].max() > 0.22
 
@@ -68,7 +63,7 @@ def test_piston_is_stopped_by_stop_bodies_and_no_water_is_lost(tmp_path, motion)
 
     Regression: without room it gained energy in bursts of up to 25 kJ.
     """
-    show = Show(load(tmp_path, *MOTIONS[motion]), 1 / 60, stop_bodies=True)
+    show = Show(load(tmp_path, PISTON, *MOTIONS[motion]), 1 / 60, stop_bodies=True)
     count = show.simulation.particles.count
     run(Row([show]), Headless(90))
     assert show.stops.stopped == {"bodies.1"}
@@ -85,7 +80,7 @@ def test_piston_is_stopped_by_stop_bodies_and_no_water_is_lost(tmp_path, motion)
 def test_a_frame_that_is_undone_leaves_no_trace_in_the_ledger(tmp_path):
     """Regression: water that had left through outflows, or had entered in the frame, was forgotten
     or counted twice, so that the mass changed by up to 60 %."""
-    sim = build_simulation(load(tmp_path, *MOTIONS["slow"]))
+    sim = build_simulation(load(tmp_path, PISTON, *MOTIONS["slow"]))
     ledger = ledger_of(sim)
     advance(sim, 3)
     spout = Opening(
@@ -109,16 +104,14 @@ def test_a_frame_that_is_undone_leaves_no_trace_in_the_ledger(tmp_path):
 def test_an_undo_restores_particles_and_bodies_wherever_they_were(tmp_path):
     """Regression: a frame could not be undone while a particle was far outside the box, since
     checkpoint files with such particles are refused; the session ended."""
-    sim = build_simulation(load(tmp_path, *MOTIONS["slow"]))
+    sim = build_simulation(load(tmp_path, PISTON, *MOTIONS["slow"]))
     state = sim.particles.state()
     state["x"][0] = (0.1, -1.0, 0.1)
     sim.particles.fill(**state)
-    mark = sim.mark()
+    before, mark = in_order(sim.particles, "x"), sim.mark()
     sim.particles.fill(**{**state, "x": state["x"] + np.float32(0.01)})
     sim.undo(mark)
-    again = sim.particles.state()
-    order, before = np.argsort(again["id"]), np.argsort(state["id"])
-    assert np.array_equal(again["x"][order], state["x"][before])
+    assert np.array_equal(in_order(sim.particles, "x"), before)
     with pytest.raises(ValueError, match="particles outside the box"):
         sim.restore(mark.state)
 
@@ -127,6 +120,6 @@ def test_a_body_at_rest_without_gravity_traps_no_water(tmp_path):
     """Regression: ZeroDivisionError where neither gravity nor a body could cause a speed."""
     still = ("gravity=[0, 0, 0]", "bodies.1.angle=30")
     place = ("bodies.1.lo=[0.08, 0.1, 0.08]", "bodies.1.hi=[0.16, 0.16, 0.16]")
-    sim = build_simulation(load(tmp_path, *still, *place))
+    sim = build_simulation(load(tmp_path, PISTON, *still, *place))
     advance(sim, 2, WEIGHTLESS)
     assert np.isfinite(sim.particles.numpy("x")).all()

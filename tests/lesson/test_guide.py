@@ -4,8 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import taichi as ti
 
 from msph.errors import BlowUpError
+from msph.lesson import commands
 from msph.lesson.course import LessonProgress
 from msph.lesson.guide import Guide
 from msph.lesson.load import load_lesson
@@ -23,8 +25,6 @@ SIZE = (480, 270)
 def test_a_lesson_resumes_where_it_was_left(cache):
     """A finished lesson starts again but remains listed as done. Regression: after resuming, the
     previous page raised an IndexError, and a finished lesson lost its completed tasks."""
-    from msph.lesson import commands
-
     course = load_lesson("kernels")
     progress = LessonProgress(course, None)
     student = Student(progress, None)
@@ -123,8 +123,6 @@ class TestGuide:
         assert not guide.handle_key("p")
 
     def test_a_slider_follows_the_mouse_until_released(self, guide):
-        import taichi as ti
-
         guide.handle_key("a"), guide.handle_key("n")
         assert guide.handle_key("i") and guide.handle_key("Tab"), (
             "keys for other scenes are consumed"
@@ -156,8 +154,6 @@ class TestGuide:
         assert guide.handle_key("r") and guide.progress.values["threshold"] == 5.0
 
     def test_pages_are_drawn_over_the_image(self, guide):
-        import taichi as ti
-
         image = Image(ti.Vector.field(3, ti.f32, SIZE), *SIZE)
         image.field.fill(1.0)
         guide.draw(image)
@@ -178,7 +174,6 @@ class TestGuide:
 
 def test_an_unstable_simulation_is_restarted():
     """All simulations begin again where one becomes unstable, and one message says so."""
-    from msph.lesson.commands import RESTARTED
 
     class Unstable:
         size, simulated, note, resets, later = None, 0.0, "", 0, []
@@ -190,7 +185,7 @@ def test_an_unstable_simulation_is_restarted():
             self.resets += 1
 
     shows = [Unstable(), Unstable()]
-    Row(shows, restart=RESTARTED).frame(Controls())
-    assert [show.resets for show in shows] == [1, 1] and shows[0].note == RESTARTED
+    Row(shows, restart=commands.RESTARTED).frame(Controls())
+    assert [show.resets for show in shows] == [1, 1] and shows[0].note == commands.RESTARTED
     with pytest.raises(BlowUpError):
         Row(shows).frame(Controls())

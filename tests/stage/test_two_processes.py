@@ -33,6 +33,8 @@ from msph.stage.row import speed_and_error
 from msph.stage.show import INTERACTIVE, Show
 from msph.state import Moment, Wanted
 from msph.transfer import PARTICLES, Packet, give_back, own_state, receive
+from tests.command_kit import python, started
+from tests.fluid.fluid_kit import in_order
 from tests.scenes_kit import write
 from tests.stage.player_kit import FRAME, SIZE, frames, played, press
 from tests.tiers import slow_but
@@ -105,11 +107,11 @@ def test_a_capture_in_two_processes_equals_one_in_a_single_process(replayed, tmp
         lines = [header, *(RecordedFrame(k, 0.0, i) for k, i in given)]
         replay.write_text("".join(map(line_of, lines)))
     found = []
-    for name, started in ("one", False), ("two", True):
+    for name, own in ("one", False), ("two", True):
         images, again = tmp_path / f"{name}_%02d.png", tmp_path / f"{name}.jsonl"
         options = CaptureOptions(50.0, SIZE, 0.19, (images,), record_input=again, replay=replay)
         run = RunOptions(() if replayed else ("picture.whitewater=true",), "cpu", 1)
-        with simulations("cpu", 1, started) as process:
+        with simulations("cpu", 1, own) as process:
             capture(None if replayed else scene, options, run, process)
         release()
         found.append([path.read_bytes() for path in sorted(tmp_path.glob(f"{name}_*.png"))])
@@ -129,10 +131,9 @@ def test_two_processes_compute_what_one_computes(remote):
         answered(row)
         here.frame(given)
         assert row.lead.now.time == here.simulation.time
-    for name in ("x", "v", "layer", "id"):
-        ours, theirs = (show.state.particles.numpy(name) for show in (here, row.lead))
-        order, other = (np.argsort(s.state.particles.numpy("id")) for s in (here, row.lead))
-        assert np.array_equal(ours[order], theirs[other]), name
+    names = "x", "v", "layer", "id"
+    ours, theirs = (in_order(show.state.particles, *names) for show in (here, row.lead))
+    assert all(map(np.array_equal, ours, theirs))
     assert row.lead.now.energy == here.now.energy
     assert row.lead.changes() == here.changes() == {"gravity": 5.0}
     ours, theirs = Numbers(here), Numbers(row.lead)
@@ -198,9 +199,8 @@ def test_numbers_from_before_a_reset_are_unknown_after_it(remote):
 @on_linux
 def test_a_capture_whose_simulation_is_killed_keeps_its_frames(tmp_path):
     scene = write(tmp_path)
-    command = [sys.executable, "-m", "msph", "capture", scene, "--seconds", "1000", "--arch", "cpu"]
-    command += ["-o", str(tmp_path / "a.mp4"), "-o", str(tmp_path / "a_%04d.png")]
-    process = subprocess.Popen([*command, "--size", "64x36"], stderr=subprocess.PIPE, text=True)
+    command = ["capture", scene, "--seconds", "1000", "--arch", "cpu", "--size", "64x36"]
+    process = started(*command, "-o", tmp_path / "a.mp4", "-o", tmp_path / "a_%04d.png")
     deadline = time.monotonic() + PATIENCE
     while not list(tmp_path.glob("a_0003.png")):
         assert process.poll() is None and time.monotonic() < deadline
@@ -230,7 +230,7 @@ def test_the_window_answers_while_the_simulation_does_not(remote):
         assert row.busy
         azimuth = row.lead.display.camera.azimuth
         player.window.held = {"d"}
-        press(player, None, "h", "v", "n", "r")
+        press(player, "h", "v", "n", "r")
         player.window.held = set()
         assert player.helping and row.lead.display.views.name != "water"
         assert row.lead.display.camera.azimuth != azimuth
@@ -320,7 +320,7 @@ with simulations("cpu", 1):
 @on_linux
 def test_shared_memory_of_ended_processes_is_removed_without_a_word():
     """Regression: `timeout` during a start left a warning of Python's resource tracker."""
-    run = subprocess.run([sys.executable, "-c", ENDED], capture_output=True, text=True)
+    run = python("-c", ENDED, may_fail=True)
     assert not (MEMORY / run.stdout.strip()).exists()
     assert run.stderr in ("", "msph: the main process has ended\n")
 
