@@ -132,7 +132,6 @@ class Openings(Part):
             self._prescribe(0)
             # Launched without particles: compiles the kernel before the first sheet.
             self._find_free(0, np.zeros((1, 3), np.float32), 0.0, np.zeros(1, np.int32))
-            self.particles.extend(np.zeros((0, 3)), np.zeros((0, 3)), 0, 0)
 
     def begin(self, time: float) -> None:
         """Sets the prescribed speeds at the end of a step, at `time` [s]."""

@@ -37,6 +37,11 @@ class Attribute:
         """f32 or i32 numbers per particle, including the copy that sorting needs."""
         return self.width * (2 if self.carried else 1)
 
+    @property
+    def kind(self) -> type:
+        """Type of its numbers."""
+        return np.int32 if self.integer else np.float32
+
     def allocate(self, capacity: int):
         dtype = ti.i32 if self.integer else ti.f32
         if self.width == 1:
@@ -73,24 +78,21 @@ class Particles:
     def __init__(self, room: int, attributes: tuple[Attribute, ...]):
         self.capacity = room
         self.count = self.touched = 0
-        every = {a.name: a for a in CORE + attributes}
+        every = self._every = {a.name: a for a in CORE + attributes}
         self.attributes = every
         self.fields = {a.name: a.allocate(room) for a in every.values()}
         self.__dict__.update(self.fields)
-        self._every = list(self.fields.values())
         carried = [a for a in every.values() if a.carried]
         self._pairs = [(self.fields[a.name], a.allocate(room)) for a in carried]
         self.inherited = tuple(self.fields[a.name] for a in carried if a.inherited)
-        # Names of the vectors, scalars and integers: columns of the tables by which fill()
-        # writes all attributes on a GPU.
-        self._names = (
-            [a.name for a in every.values() if a.width == 3],
-            [a.name for a in every.values() if a.width == 1 and not a.integer],
-            [a.name for a in every.values() if a.integer],
-        )
-        self._vectors, self._numbers, self._integers = (
-            [self.fields[name] for name in names] for names in self._names
-        )
+        # Scalar fields of all attributes: columns of the tables by which kernels copy attributes,
+        # as integers of the same bits; and the first column of each attribute.
+        self._columns: list[Any] = []
+        self._first: dict[str, int] = {}
+        for a in every.values():
+            field, self._first[a.name] = self.fields[a.name], len(self._columns)
+            parts = [field] if a.width == 1 else [field.get_scalar_field(k) for k in range(a.width)]
+            self._columns += parts
 
     def load(self, attributes: tuple[Attribute, ...], capacity: int) -> None:
         """Sets the attributes and the largest number of particles of a scene."""
@@ -106,117 +108,70 @@ class Particles:
         if n > self.capacity:
             raise ValueError(f"{n} particles exceed the capacity of {self.capacity}")
         values.setdefault("id", np.arange(n, dtype=np.int32))
-        memories = {name: memory_of(field) for name, field in self.fields.items()}
-        if all(memories.values()):
-            for name, memory in memories.items():
-                rows = memory.allocated()
-                rows[:n] = values[name].reshape(n, memory.number) if name in values else 0
-                rows[n : self.touched] = 0
-        else:
-            self._fill_by_kernel(n, values)
+        self._set(0, n, values)
         self.count, self.touched = n, self.capacity
-
-    def _fill_by_kernel(self, n: int, values: dict[str, np.ndarray]) -> None:
-        vectors, numbers, integers = map(len, self._names)
-        tables = (
-            np.zeros((n, vectors, 3), np.float32),
-            np.zeros((n, numbers), np.float32),
-            np.zeros((n, integers), np.int32),
-        )
-        for table, names in zip(tables, self._names, strict=True):
-            for column, name in enumerate(names):
-                table[:, column] = values.get(name, 0)
-        self._write(*tables, n, self.touched)
 
     def extend(self, x: np.ndarray, v: np.ndarray, layer: int, opening: int = 0) -> None:
         """Adds particles of a layer at x [m] with velocities v [m/s], (n, 3), in the zone of an
         opening, counted from 1, if any; their other attributes are zero, except new ids."""
-        first = int(self.numpy("id").max(initial=-1)) + 1
-        vectors = [np.ascontiguousarray(a, np.float32) for a in (x, v)]
-        self._extend(*vectors, layer, first, opening, self.count)
-        self.count += len(x)
+        k, first = len(x), int(self.numpy("id").max(initial=-1)) + 1
+        names = {"id": np.arange(first, first + k), "layer": np.full(k, layer)}
+        names["prescribed"] = np.full(k, opening)
+        self._set(self.count, self.count + k, {"x": x, "v": v, **names})
+        self.count += k
 
-    @kernel
-    def _extend(
-        self,
-        x: ti.types.ndarray(dtype=ti.f32, ndim=2),
-        v: ti.types.ndarray(dtype=ti.f32, ndim=2),
-        layer: ti.i32,
-        first: ti.i32,
-        opening: ti.i32,
-        n: ti.i32,
-    ):
-        for k in range(x.shape[0]):
-            i = n + k
-            for field in ti.static(self._every):
-                field[i] = 0
-            self.layer[i], self.id[i], self.prescribed[i] = layer, first + k, opening
-            for axis in ti.static(range(3)):
-                self.x[i][axis], self.v[i][axis] = x[k, axis], v[k, axis]
+    def _set(self, begin: int, end: int, values: dict[str, np.ndarray]) -> None:
+        """Sets all attributes of the particles from `begin` to `end`: those without values, and
+        those of later particles, to 0."""
+        memories = {name: memory_of(field) for name, field in self.fields.items()}
+        if all(memories.values()):
+            for name, memory in memories.items():
+                rows = memory.allocated()
+                rows[begin:end] = values[name].reshape(-1, memory.number) if name in values else 0
+                rows[end : self.touched] = 0
+        else:
+            table = np.zeros((end - begin, len(self._columns)), np.int32)
+            for name, value in values.items():
+                attribute, first = self._every[name], self._first[name]
+                columns = np.ascontiguousarray(value, attribute.kind).reshape(-1, attribute.width)
+                table[:, first : first + attribute.width] = columns.view(np.int32)
+            self._write(table, begin, end, self.touched)
 
     @kernel
     def _write(
         self,
-        vectors: ti.types.ndarray(dtype=ti.f32, ndim=3),
-        numbers: ti.types.ndarray(dtype=ti.f32, ndim=2),
-        integers: ti.types.ndarray(dtype=ti.i32, ndim=2),
-        n: ti.i32,
+        table: ti.types.ndarray(dtype=ti.i32, ndim=2),
+        begin: ti.i32,
+        end: ti.i32,
         touched: ti.i32,
     ):
-        """Writes all attributes (a kernel for each takes 10 ms to compile); sets particles n to
+        """Writes all attributes (a kernel for each takes 10 ms to compile); sets particles `end` to
         `touched` to zero."""
-        for i in range(n):
-            for column, field in ti.static(enumerate(self._vectors)):
-                for k in ti.static(range(3)):
-                    field[i][k] = vectors[i, column, k]
-            for column, field in ti.static(enumerate(self._numbers)):
-                field[i] = numbers[i, column]
-            for column, field in ti.static(enumerate(self._integers)):
-                field[i] = integers[i, column]
-        for i in range(n, touched):
-            for field in ti.static(self._every):
-                field[i] = 0
+        for i in range(begin, end):
+            for number, column in ti.static(enumerate(self._columns)):
+                column[i] = ti.bit_cast(table[i - begin, number], column.dtype)
+        for i in range(end, touched):
+            for column in ti.static(self._columns):
+                column[i] = 0
 
     def numpy(self, name: str) -> np.ndarray:
         """Returns one attribute of the live particles, (count,) or (count, 3)."""
-        vectors, numbers, integers = self._names
+        attribute = self._every[name]
         if memory := memory_of(self.fields[name]):
             found = memory.allocated()[: self.count].copy()
-            return found if memory.number > 1 else found[:, 0]
-        if name in vectors:
-            found = np.empty((self.count, 3), np.float32)
-            self._read_vector(vectors.index(name), found, self.count)
-        elif name in numbers:
-            found = np.empty(self.count, np.float32)
-            self._read_number(numbers.index(name), found, self.count)
         else:
-            found = np.empty(self.count, np.int32)
-            self._read_integer(integers.index(name), found, self.count)
-        return found
+            table = np.empty((self.count, attribute.width), np.int32)
+            self._read(table, self._first[name], self.count)
+            found = table.view(attribute.kind)
+        return found if attribute.width > 1 else found[:, 0]
 
     @kernel
-    def _read_vector(self, which: ti.i32, found: ti.types.ndarray(dtype=ti.f32, ndim=2), n: ti.i32):
+    def _read(self, table: ti.types.ndarray(dtype=ti.i32, ndim=2), first: ti.i32, n: ti.i32):
+        """Reads the columns from `first` on."""
         for i in range(n):
-            for column, field in ti.static(enumerate(self._vectors)):
-                if which == column:
-                    for k in ti.static(range(3)):
-                        found[i, k] = field[i][k]
-
-    @kernel
-    def _read_number(self, which: ti.i32, found: ti.types.ndarray(dtype=ti.f32, ndim=1), n: ti.i32):
-        for i in range(n):
-            for column, field in ti.static(enumerate(self._numbers)):
-                if which == column:
-                    found[i] = field[i]
-
-    @kernel
-    def _read_integer(
-        self, which: ti.i32, found: ti.types.ndarray(dtype=ti.i32, ndim=1), n: ti.i32
-    ):
-        for i in range(n):
-            for column, field in ti.static(enumerate(self._integers)):
-                if which == column:
-                    found[i] = field[i]
+            for number, column in ti.static(enumerate(self._columns)):
+                if number >= first and number < first + table.shape[1]:
+                    table[i, number - first] = ti.bit_cast(column[i], ti.i32)
 
     def describe(self, k: int) -> str:
         """Returns a text with id, layer, position and velocity of particle k."""
