@@ -26,6 +26,7 @@ from msph.picture.samples import (
     BlockSampler,
     make_sample,
 )
+from msph.picture.shot import ray
 from msph.picture.sunlight import bilinear
 
 vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
@@ -133,15 +134,13 @@ class Backdrop:
     def in_box(self, i, j):
         """Returns True if the ray of a pixel meets the box."""
         shot = self.lens.shot[None]
-        d = (shot.origin + shot.du * i + shot.dv * j).normalized()
-        near, far, _, _ = self.pool.slab_test(d, shot)
+        near, far, _, _ = self.pool.slab_test(ray(i, j, shot).normalized(), shot)
         return far > ti.max(near, 0.0)
 
     @ti.func
     def sample_background(self, a, b):
         shot = self.lens.shot[None]
-        d = shot.origin + shot.du * (COARSE * a) + shot.dv * (COARSE * b)
-        colour = self.pool.background(d.normalized(), shot)
+        colour = self.pool.background(ray(COARSE * a, COARSE * b, shot).normalized(), shot)
         if shot.plain == 1:
             colour = ti.math.mix(shot.low_colour, shot.high_colour, COARSE * b / (shot.rows - 1.0))
         changed = abs(colour - self.background[a, b]).max() > VISIBLE_CHANGE
@@ -180,9 +179,9 @@ class Backdrop:
     def begin(self, i0, j0, given):
         """Sets up a block for BlockSampler; given: of draw(). The note is HIDDEN if water hides the
         whole block. A block with an outline of a body is uneven."""
-        shot, corner = self.lens.shot[None], vec2(i0, j0)
+        shot, corner = self.lens.shot[None], ti.Vector([i0, j0])
         due = given & WHOLE != 0 or self.mark(i0, j0) > 0
-        boxed = (corner + SPAN >= shot.lo).all() and (corner <= shot.hi).all()
+        boxed = (corner + SPAN >= shot.first).all() and (corner <= shot.last).all()
         boxed = boxed and (due or self.postponed[i0 // SPAN, j0 // SPAN] == 1)
         hidden, even = given & FLOODED != 0, True
         if boxed:
@@ -219,7 +218,7 @@ class Backdrop:
         """Returns kind and sample of the ray through a pixel; note: of the pixel's block. Hidden
         blocks get only edge lines."""
         shot = self.lens.shot[None]
-        d = (shot.origin + shot.du * i + shot.dv * j).normalized()
+        d = ray(i, j, shot).normalized()
         near, far, way_in, axis = self.pool.slab_test(d, shot)
         entry = ti.max(near, 0.0)
         kind, place, light, added = EMPTY, vec4(0.0), vec2(0.0), vec3(0.0)

@@ -16,7 +16,7 @@ from msph.launches import data_oriented, kernel
 from msph.picture.rasteriser import BLOCK, FAR, NO_ITEM, Rasteriser
 from msph.picture.room import PixelFields
 from msph.picture.samples import strips
-from msph.picture.shot import PARALLEL
+from msph.picture.shot import ray, slabs
 
 vec3 = ti.math.vec3
 
@@ -98,21 +98,18 @@ class BodyFaces:
         """Removes the key of a pixel where no body is visible, and finds rays that begin in the
         container."""
         key = self.key[i, j]
-        d, depth = shot.origin + shot.du * i + shot.dv * j, self.depth_of(key, shot)
+        d, depth = ray(i, j, shot), self.depth_of(key, shot)
         if contained == 1 and depth < self.entry[i, j]:
             self.entry[i, j] = 0.0
-        shown = self.within(shot.eye + d * depth, shot.skin, shot)
+        p = shot.eye + d * depth
+        shown = (p > -shot.skin).all() and (p < shot.size + shot.skin).all()
         if key & CUT != 0:
             # An outline may show a back face without the front face.
-            start = shot.eye + d * box_entry(d, shot)
+            enter, _ = slabs(shot.eye, d, 0.0, shot.size)
+            start = shot.eye + d * ti.max(enter.max(), 0.0)
             shown = self.boundary.distance(self.body(i, j), start, END).x < shot.skin
         if not shown:  # behind a wall
             self.key[i, j] = NO_ITEM
-
-    @ti.func
-    def within(self, p, margin, shot: ti.template()):
-        """Returns True if p [m] is in the box with a margin [m] around it."""
-        return (p > -margin).all() and (p < shot.size + margin).all()
 
     @ti.func
     def corners_of(self, t, corners: ti.template(), owner: ti.template()):
@@ -130,7 +127,7 @@ class BodyFaces:
             if kind == ENTRY:
                 ti.atomic_min(self.entry[i, j], 1.0 / w)
             else:
-                p = shot.eye + (shot.origin + shot.du * i + shot.dv * j) / w
+                p = shot.eye + ray(i, j, shot) / w
                 # Behind the near panes; a back face on a pane is in front of it.
                 skin = ti.select(kind == REAR, shot.skin, -shot.skin)
                 lo = ti.select(shot.eye < 0.0, skin, -FAR)
@@ -160,11 +157,3 @@ class BodyFaces:
         """Returns the body at a pixel, or -1."""
         key = self.key[i, j]
         return ti.select(key == NO_ITEM, -1, (key & ((1 << KEY_BITS) - 1)) >> 1)
-
-
-@ti.func
-def box_entry(d, shot: ti.template()):
-    """Returns the depth [m] at which the ray d (forward part 1) from the eye enters the box, if it
-    does."""
-    per = 1.0 / (d + ti.select(abs(d) < PARALLEL, PARALLEL, 0.0))
-    return ti.max(ti.min(-shot.eye * per, (shot.size - shot.eye) * per).max(), 0.0)

@@ -11,7 +11,7 @@ from msph.fluid.boundary.body_shapes import BALL, END, LINEAR
 from msph.fluid.room import MAX_BODIES
 from msph.launches import data_oriented
 from msph.picture.body_paint import BodyPaint
-from msph.picture.shot import PARALLEL
+from msph.picture.shot import slabs
 from msph.picture.sky import SKY_LIGHT, SUN_LIGHT
 from msph.picture.tone import CLAY
 
@@ -64,13 +64,10 @@ class BodyShading:
         if found[0] < found[1]:
             turn = self.boundary.rotation[b, END].transpose()
             q, s = turn @ q, turn @ s
-            for k in ti.static(range(3)):
-                # The margin keeps body faces that coincide with the bounding box.
-                out = self.boundary.half[b][k] + more + 8.0 * self.numbers.near[None]
-                per = 1.0 / ti.select(abs(s[k]) > PARALLEL, s[k], PARALLEL)
-                near, far = (-out - q[k]) * per, (out - q[k]) * per
-                found[0] = ti.max(found[0], ti.min(near, far))
-                found[1] = ti.min(found[1], ti.max(near, far))
+            # The margin keeps body faces that coincide with the bounding box.
+            out = self.boundary.half[b] + more + 8.0 * self.numbers.near[None]
+            near, far = slabs(q, s, -out, out)
+            found = vec2(ti.max(found[0], near.max()), ti.min(found[1], far.min()))
         return found, q, s
 
     @ti.func

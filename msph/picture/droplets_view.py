@@ -23,6 +23,7 @@ from msph.picture.pixels import colour_of, word
 from msph.picture.pool import GOLDEN
 from msph.picture.rasteriser import BLOCK, NO_ITEM
 from msph.picture.samples import strips
+from msph.picture.shot import ray
 from msph.picture.sky import SUN
 from msph.surface.spray import DROPLETS, WIDE, Spray
 from msph.surface.whitewater import MOST, Whitewater
@@ -238,7 +239,7 @@ class DropletsView:
             a = ti.math.clamp(ti.cast(ti.round(to.x), ti.i32), 0, shot.columns - 1)
             b = ti.math.clamp(ti.cast(ti.round(to.y), ti.i32), 0, shot.rows - 1)
             behind = colour_of(self.image[a, b])
-            d = (shot.origin + shot.du * i + shot.dv * j).normalized()
+            d = ray(i, j, shot).normalized()
             normal = n.x * shot.du.normalized() + n.y * shot.dv.normalized() - n.z * shot.forward
             c = ti.max(-d.dot(normal), 0.05)
             mirrored = d + 2.0 * c * normal

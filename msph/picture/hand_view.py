@@ -4,7 +4,8 @@ import taichi as ti
 
 from msph.launches import data_oriented, kernel
 from msph.picture.pixels import colour_of, word
-from msph.picture.rasteriser import Rasteriser
+from msph.picture.rasteriser import Rasteriser, sphere_inverse_depth
+from msph.picture.shot import ray
 
 vec3 = ti.math.vec3
 
@@ -15,9 +16,7 @@ SKIN, LIGHT = (1.0, 0.93, 0.72), (1.0, 1.0, 0.96)
 MIDDLE, OUTLINE, SUNKEN = 0.12, 0.6, 0.45
 # Powers of the outline and of the highlight; share of the radius over which the edge fades.
 OUTLINE_POWER, GLOSS, EDGE = 3.0, 40.0, 0.03
-# Opacity of the highlight, and the largest radius of the ball's image off the axis of view, over
-# radius/(z - radius).
-GLINT, WIDEST = 0.8, 1.5
+GLINT = 0.8  # opacity of the highlight
 
 
 @data_oriented
@@ -30,22 +29,16 @@ class HandView:
     @kernel
     def draw(self, centre: vec3, radius: ti.f32):
         """Blends a ball with a centre [m], box frame, and a radius [m] over the image."""
-        view = self.lens.shot[None]
-        c = centre - view.eye
-        z = c.dot(view.forward)
-        middle = ti.Vector([c.dot(view.to_i), c.dot(view.to_j)]) / ti.max(z, radius) + view.centre
-        reach = WIDEST * radius / (view.pixel * ti.max(z - radius, radius))
-        box = self.raster.bounds(middle - reach, middle + reach, view)
-        shown = z > radius
+        c = centre - self.lens.shot[None].eye
+        box = self.raster.around(c, radius, 0.0, self.lens.shot[None])
         for i, j in ti.ndrange((box[0], box[2] + 1), (box[1], box[3] + 1)):
             shot = self.lens.shot[None]
-            d = (shot.origin + shot.du * i + shot.dv * j).normalized()
-            along = c.dot(d)
-            aside2 = (c.norm_sqr() - along * along) / (radius * radius)
-            if aside2 < 1.0 and shown:
-                inward = ti.sqrt(1.0 - aside2)  # cosine between ray and normal
-                n = (d * (along - radius * inward) - c) / radius
-                edge = ti.min((1.0 - ti.sqrt(aside2)) / EDGE, 1.0)
+            d = ray(i, j, shot).normalized()
+            per_way = sphere_inverse_depth(c, radius, d)
+            if per_way > 0.0:
+                n = (d / per_way - c) / radius
+                inward = -n.dot(d)  # cosine between ray and normal
+                edge = ti.min((1.0 - ti.sqrt(ti.max(1.0 - inward * inward, 0.0))) / EDGE, 1.0)
                 opacity = MIDDLE + OUTLINE * (1.0 - inward) ** OUTLINE_POWER
                 opacity *= edge * ti.select(n.dot(shot.up) > 0.0, 1.0, SUNKEN)
                 half = (shot.sun - d).normalized()

@@ -8,6 +8,7 @@ from msph.launches import data_oriented, kernel
 from msph.picture.pixels import word
 from msph.picture.pool import RIM
 from msph.picture.rasteriser import BLOCK, NO_ITEM, sphere_inverse_depth
+from msph.picture.shot import ray
 from msph.picture.tone import curve
 
 vec3 = ti.math.vec3
@@ -79,7 +80,7 @@ class ParticlesView:
             if key != NO_ITEM:
                 shot = self.lens.shot[None]
                 p = self.raster.item(i, j)
-                d = shot.origin + shot.du * i + shot.dv * j
+                d = ray(i, j, shot)
                 v = ti.math.clamp((value[p] - lo) * scale, 0.0, 1.0)
                 base = self.map[ti.cast(v * (COLOURS - 1) + 0.5, ti.i32)]
                 w = sphere_inverse_depth(x[p] - shot.eye, radius[p], d)

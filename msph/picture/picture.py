@@ -24,7 +24,7 @@ from msph.picture.rasteriser import NO_ITEM, Rasteriser
 from msph.picture.ripples import Ripples
 from msph.picture.room import SMALLEST, PictureRoom, PixelFields
 from msph.picture.shadows import Shadows
-from msph.picture.shot import Lens, shot_numbers
+from msph.picture.shot import Lens, ray, shot_numbers
 from msph.picture.sky import Sky
 from msph.picture.sunlight import Sunlight
 from msph.picture.tone import Tone
@@ -281,14 +281,10 @@ class Picture:
     @kernel
     def find_point(self, i: ti.i32, j: ti.i32) -> ti.math.vec4:
         """Returns the point [m] of the surface at ray (i, j), and 1, or 0 without a triangle."""
-        found, t = ti.math.vec4(0.0), self.raster.item(i, j)
-        if self.raster.key[i, j] != NO_ITEM and t != self.raster.wet[None]:
-            shot, k = self.lens.shot[None], self.mesh.triangles[t]
-            a = self.mesh.vertices[k[0]] - shot.eye
-            b = self.mesh.vertices[k[1]] - shot.eye
-            c = self.mesh.vertices[k[2]] - shot.eye
-            d, n = shot.origin + i * shot.du + j * shot.dv, (b - a).cross(c - a)
-            slope = d.dot(n)
-            if slope != 0.0:
-                found = ti.math.vec4(shot.eye + d * (a.dot(n) / slope), 1.0)
+        shot, found = self.lens.shot[None], ti.math.vec4(0.0)
+        if self.raster.key[i, j] != NO_ITEM and self.raster.item(i, j) != self.raster.wet[None]:
+            d = ray(i, j, shot)
+            depth, flat, _ = self.shader.hit_surface(i, j, d, shot)
+            if d.dot(flat) != 0.0:
+                found = ti.math.vec4(shot.eye + d * depth, 1.0)
         return found

@@ -11,7 +11,7 @@ from msph.picture.body_shading import MISSED, BodyShading
 from msph.picture.samples import ADDED, LEFT, PLACE, SPAN, UNTILED
 from msph.picture.shadows import BEAM, OUTER, Shadows
 from msph.picture.shadows import SUN as SUN_MAP
-from msph.picture.shot import PARALLEL
+from msph.picture.shot import slabs
 from msph.picture.sky import GROUND, SKY_LIGHT, SUN, SUN_LIGHT, Sky, haze
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3
@@ -43,9 +43,9 @@ def component(v, axis):
 
 
 @ti.func
-def reciprocal(d):
-    """Returns 1 / d by component, finite where d vanishes."""
-    return 1.0 / (d + ti.select(abs(d) < PARALLEL, PARALLEL, 0.0))
+def axis_of(s, v):
+    """Returns the first axis along which v has the component s."""
+    return ti.select(s == v.x, 0, ti.select(s == v.y, 1, 2))
 
 
 @data_oriented
@@ -94,15 +94,9 @@ class Pool:
     @ti.func
     def exit_face(self, p, r, size):
         """Returns the exit of a ray from the box: distance [m], axis, True for the low wall."""
-        inv = reciprocal(r)
-        t = ti.max(-p * inv, (size - p) * inv)
-        axis = 0
-        s = t.x
-        if t.y < s:
-            s, axis = t.y, 1
-        if t.z < s:
-            s, axis = t.z, 2
-        return ti.max(s, 0.0), axis, component(r, axis) < 0.0
+        _, hi = slabs(p, r, 0.0, size)
+        axis = axis_of(hi.min(), hi)
+        return ti.max(hi.min(), 0.0), axis, component(r, axis) < 0.0
 
     @ti.func
     def is_tiled(self, axis, low, shot: ti.template()):
@@ -155,9 +149,7 @@ class Pool:
     @ti.func
     def far_radiance(self, d, shot: ti.template()):
         """Returns the radiance of sky or distant ground in the box-frame direction d (unit)."""
-        return self.sky.radiance(
-            vec3(d.dot(shot.right_world), d.dot(shot.up), d.dot(shot.back_world))
-        )
+        return self.sky.radiance(shot.to_world @ d)
 
     @ti.func
     def mirrored_radiance(self, p, r, shot: ti.template()):
@@ -192,19 +184,14 @@ class Pool:
         reach = CONTACT_REACH * shot.size.max()
         contact = 1.0 - CONTACT * reach * reach / (reach * reach + away)
         # Sunlight is absorbed along its path through the box.
-        t0, t1 = -g * shot.sun_inverse, (shot.size - g) * shot.sun_inverse
-        enter, leave = ti.min(t0, t1).max(), ti.max(t0, t1).min()
-        way = ti.max(leave - ti.max(enter, 0.0), 0.0) / shot.size.max()
+        enter, leave = slabs(g, shot.sun, 0.0, shot.size)
+        way = ti.max(leave.min() - ti.max(enter.max(), 0.0), 0.0) / shot.size.max()
         dark = way * way / (way * way + SHADOW_WAY * SHADOW_WAY)
         return contact * (1.0 - SHADOW * dark)
 
     @ti.func
     def slab_test(self, d, shot: ti.template()):
         """Returns distances of entry and exit of the eye ray d (entry > exit: a miss), and axes."""
-        inv = reciprocal(d)
-        t0, t1 = -shot.eye * inv, (shot.size - shot.eye) * inv
-        lo, hi = ti.min(t0, t1), ti.max(t0, t1)
+        lo, hi = slabs(shot.eye, d, 0.0, shot.size)
         near, far = lo.max(), hi.min()
-        way_in = ti.select(near == lo.x, 0, ti.select(near == lo.y, 1, 2))
-        way_out = ti.select(far == hi.x, 0, ti.select(far == hi.y, 1, 2))
-        return near, far, way_in, way_out
+        return near, far, axis_of(near, lo), axis_of(far, hi)

@@ -19,6 +19,7 @@ import taichi as ti
 from msph.launches import data_oriented
 from msph.picture.room import PixelFields
 from msph.picture.samples import CPU_BLOCKS, GPU_BLOCKS, SPAN, strip_length, strips
+from msph.picture.shot import ray
 from msph.taichi_internals import on_cpu
 
 BLOCK = 256  # pixels or items per block of GPU threads, or that a CPU thread takes in turn
@@ -185,20 +186,24 @@ class Rasteriser:
         ti.loop_config(block_dim=BLOCK)
         for p in range(n):
             shot, bits = self.lens.shot[None], self.item_bits[None]
-            c = x[p] - shot.eye
-            r = radius[p]
-            m = self.project(c, shot)
-            z = m.z
-            # A radius of zero hides a sphere.
-            if r > 0.0 and z - r > 1.0 / shot.w_near:
-                # Off the axis the projection is an ellipse, longer by at most 1 / cos.
-                reach = r / (shot.pixel * (z - r)) * c.norm() / z
-                box = self.bounds(m.xy - reach, m.xy + reach, shot)
-                for i in range(box[0], box[2] + 1):
-                    for j in range(box[1], box[3] + 1):
-                        w = sphere_inverse_depth(c, r, shot.origin + shot.du * i + shot.dv * j)
-                        if w > 0.0:
-                            self.offer(i, j, self.make_key(w, p, bits, shot))
+            c, r = x[p] - shot.eye, radius[p]
+            box = self.around(c, r, 1.0 / shot.w_near, shot)
+            for i in range(box[0], box[2] + 1):
+                for j in range(box[1], box[3] + 1):
+                    w = sphere_inverse_depth(c, r, ray(i, j, shot))
+                    if w > 0.0:
+                        self.offer(i, j, self.make_key(w, p, bits, shot))
+
+    @ti.func
+    def around(self, c, r, least, shot: ti.template()):
+        """Returns the pixels [i0, j0, i1, j1] around a sphere at c from the eye [m], none if its
+        radius r is 0 or if it is nearer than the depth `least` [m]."""
+        m, box = self.project(c, shot), ti.Vector([0, 0, -1, -1])
+        if r > 0.0 and m.z - r > least:
+            # Off the axis the projection is an ellipse, longer by at most 1 / cos.
+            reach = r / (shot.pixel * (m.z - r)) * c.norm() / m.z
+            box = self.bounds(m.xy - reach, m.xy + reach, shot)
+        return box
 
 
 @ti.func

@@ -38,21 +38,17 @@ Shot = ti.types.struct(
     rows=ti.i32,
     w_near=ti.f32,  # largest 1 / depth [1/m]
     w_span=ti.f32,  # range of 1 / depth [1/m]
-    right_world=vec3,  # box frame to world frame: rows of R
-    up=vec3,  # second row: world up in the box frame
-    back_world=vec3,
+    to_world=ti.math.mat3,  # box frame to world frame
+    up=vec3,  # world up in the box frame
     sun=vec3,  # unit vector to the sun
-    sun_inverse=vec3,  # 1 / sun by component
     beam=vec3,  # to the sun, from under a level water surface (refracted)
     ground=ti.f32,  # height of the ground along `up`, relative to the box centre [m]
     size=vec3,  # box [m]
     immersed=ti.i32,  # 1: the eye is in the box, or above it where there is no lid
     lid=ti.i32,  # 1: a pane of glass closes the top of the box
     skin=ti.f32,  # distance within which a face is on a wall [m]
-    lo=vec2,  # smallest and largest pixel coordinates of the box
-    hi=vec2,
-    first=ivec2,  # pixels (right, up) between which water and bodies may be visible, now or in
-    last=ivec2,  # the view before: first to last - 1
+    first=ivec2,  # pixels (right, up) between which the box, water and bodies may be visible, now
+    last=ivec2,  # or in the view before: first to last - 1
     tiles=vec3,  # tiles per metre along x, y, z
     eta=ti.f32,  # refractive index of air over index of water
     reflection=ti.f32,  # share of mirrored light that is shown
@@ -91,14 +87,13 @@ def shot_numbers(camera, tilt, box, width, height, look, region=None, spacing=0.
     near = max(depths.min(), NEAR_PLANE)
     far = max(depths.max(), 2 * near)
     middle = np.array(((0.5 + camera.shift) * width - 0.5, height / 2 - 0.5))
-    around = [_outline(x - eye, to_i, to_j, forward) for x in (corners, UNIT_CORNERS * region)]
-    whole = np.array((width, height))
-    (lo, hi), (first, last) = (
-        (np.zeros(2), whole) if x is None else (middle + x[0] - 1, middle + x[1] + 1)
-        for x in around
-    )
-    first = np.clip(np.floor(np.minimum(lo, first)), 0, whole).astype(int)
-    last = np.clip(np.ceil(np.maximum(hi, last)) + 1, 0, whole).astype(int)
+    around = np.concatenate([corners, UNIT_CORNERS * region]) - eye
+    depth, whole = around @ forward, np.array((width, height))
+    first, last = np.zeros(2, int), whole
+    if depth.min() > NEAR_PLANE:
+        pixels = middle + around @ np.stack((to_i, to_j), 1) / depth[:, None]
+        first = np.clip(np.floor(pixels.min(axis=0) - 1), 0, whole).astype(int)
+        last = np.clip(np.ceil(pixels.max(axis=0) + 1) + 1, 0, whole).astype(int)
     sun = R.T @ look.sun_direction()
     beam = -refracted(-sun, R[1], 1 / look.refractive_index)
     drift = -beam[[0, 2]] / max(beam[1], MIN_DESCENT)
@@ -118,19 +113,15 @@ def shot_numbers(camera, tilt, box, width, height, look, region=None, spacing=0.
         "rows": height,
         "w_near": 1 / near,
         "w_span": 1 / near - 1 / far,
-        "right_world": R[0],
+        "to_world": R.ravel(),
         "up": R[1],
-        "back_world": R[2],
         "sun": sun,
-        "sun_inverse": 1 / np.where(np.abs(sun) < PARALLEL, PARALLEL, sun),
         "beam": beam,
         "ground": ((corners - C) @ R[1]).min(),
         "size": box,
         "immersed": bool((eye > 0).all() and (eye < region).all()),
         "lid": region[1] == box[1],
         "skin": WALL_SKIN * box.max(),
-        "lo": lo,
-        "hi": hi,
         "first": first,
         "last": last,
         "tiles": np.maximum(np.round(box / (TILE * box.max())), 1) / box,
@@ -151,14 +142,19 @@ def shot_numbers(camera, tilt, box, width, height, look, region=None, spacing=0.
     }
 
 
-def _outline(c, to_i, to_j, forward):
-    """Returns least and largest pixel coordinates, from the view axis, of points c [m] relative to
-    the eye, or None if any is not in front of it."""
-    z = c @ forward
-    if z.min() <= NEAR_PLANE:
-        return None
-    pixels = c @ np.stack((to_i, to_j), 1) / z[:, None]
-    return pixels.min(axis=0), pixels.max(axis=0)
+@ti.func
+def ray(i, j, shot: ti.template()):
+    """Returns the ray through pixel (i, j), with the forward part 1."""
+    return shot.origin + shot.du * i + shot.dv * j
+
+
+@ti.func
+def slabs(p, d, lo, hi):
+    """Returns the distances, in units of d and by axis, at which the ray d from p enters and leaves
+    the slabs between lo and hi [m]; finite where d is parallel to a slab."""
+    per = 1.0 / (d + ti.select(abs(d) < PARALLEL, PARALLEL, 0.0))
+    a, b = (lo - p) * per, (hi - p) * per
+    return ti.min(a, b), ti.max(a, b)
 
 
 class Lens:

@@ -24,6 +24,7 @@ from msph.picture.samples import (
     BlockSampler,
     make_sample,
 )
+from msph.picture.shot import ray
 from msph.picture.sky import SKY_LIGHT, SUN, SUN_LIGHT
 from msph.picture.sunlight import bilinear
 
@@ -108,7 +109,7 @@ class WaterShader:
     def trace(self, i, j, note):
         """Returns kind and sample of the water at a pixel."""
         shot = self.lens.shot[None]
-        d = shot.origin + shot.du * i + shot.dv * j
+        d = ray(i, j, shot)
         back = self.back(i, j, shot)
         depth, flat, n = self.hit_surface(i, j, d, shot)
         sunk = d.dot(flat) > 0.0
