@@ -113,16 +113,10 @@ class Band:
             size, last = self.numbers.pairs[None], self.numbers.nodes[None] - 1
             tb, tc = (size[1] + 1) // PAIR, (size[2] + RUN - 1) // RUN
             a, b, c = PAIR * (q // (tb * tc)), PAIR * (q // tc % tb), RUN * (q % tc)
-            i, j, k = ti.math.ivec2(0), ti.math.ivec2(0), ti.math.ivec4(0)
-            for m in ti.static(range(PAIR)):
-                i[m] = ti.math.clamp(STRIDE * (a + m), 1, last[0] - 1)
-                j[m] = ti.math.clamp(STRIDE * (b + m), 1, last[1] - 1)
-            for m in ti.static(range(RUN)):
-                k[m] = ti.math.clamp(STRIDE * (c + m), 1, last[2] - 1)
-            near_body = False
-            if ti.static(bodies):
-                near_body = self.sums.near_bodies(i, j, k)
-            found = self.sums.sum_tile(i, j, k, bodies, near_body, True)[0]
+            i = ti.math.clamp(STRIDE * (a + ti.Vector([0, 1])), 1, last[0] - 1)
+            j = ti.math.clamp(STRIDE * (b + ti.Vector([0, 1])), 1, last[1] - 1)
+            k = ti.math.clamp(STRIDE * (c + ti.Vector([0, 1, 2, 3])), 1, last[2] - 1)
+            found = self.sums.sum_tile(i, j, k, bodies, True)[0]
             for n in range(TILE):
                 at = ti.Vector([a + n // HALF_TILE, b + n // RUN % PAIR, c + n % RUN])
                 if (at < size).all():
@@ -132,7 +126,8 @@ class Band:
     def classify(self, bodies: ti.template()):
         """Computes state from sampled. Separate from include_thin(), since one kernel for both is
         invalid SPIR-V, the code for Vulkan and Metal (taichi issue #8741)."""
-        for q in range(self.block_count()):
+        n = self.numbers.pairs[None]
+        for q in range(n[0] * n[1] * n[2]):
             self.state[q] = self.state_of(q, bodies)
 
     @heavy_kernel
@@ -150,12 +145,6 @@ class Band:
             if larger > 0.0:
                 self.mark(x, larger)
         self.list_tiles()
-
-    @ti.func
-    def block_count(self):
-        """Returns the number of entries of state."""
-        n = self.numbers.pairs[None]
-        return n[0] * n[1] * n[2]
 
     @ti.func
     def block_index(self, sub):

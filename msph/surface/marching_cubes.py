@@ -89,25 +89,26 @@ class MarchingCubes:
     def make_mesh(self, words):
         """Makes the mesh from the first `words` words: of all, or of none. Call it at the top level
         of a kernel, where its loops run in parallel."""
-        for q in range(words):
-            self.find_word(q)
+        self.find_signs(words)
         self.make_vertices(words)
-        self.make_triangles(ti.min(words, self.cell_words()))
+        nodes = self.numbers.nodes[None] - 1
+        self.make_triangles(ti.min(words, nodes[0] * nodes[1] * self.numbers.words[None]))
 
     @ti.func
-    def find_word(self, q):
-        """Computes the signs of the nodes of word q."""
-        i, j, w = self.signs.position(q)
-        pair = self.lattice.pair_index(i, j, w)
-        read, found = self.signs.read[pair], ti.u32(0)
-        if read != 0:
-            first = self.lattice.node_index(ti.Vector([i, j, WORD * w]))
-            nodes = self.numbers.nodes[None]
-            for m in range(ti.min(WORD, nodes[2] - WORD * w)):
-                level = self.level_at(first + m)
-                found |= ti.cast(level > 0.0, ti.u32) << ti.cast(m, ti.u32)
-        inside = (found & read) | (self.signs.deep[pair] & ~read)
-        self.signs.inside[q] = inside & self.signs.valid(i, j, w)
+    def find_signs(self, words):
+        """Computes the signs of the nodes."""
+        for q in range(words):
+            i, j, w = self.signs.position(q)
+            pair = self.lattice.pair_index(i, j, w)
+            read, found = self.signs.read[pair], ti.u32(0)
+            if read != 0:
+                first = self.lattice.node_index(ti.Vector([i, j, WORD * w]))
+                nodes = self.numbers.nodes[None]
+                for m in range(ti.min(WORD, nodes[2] - WORD * w)):
+                    level = self.level_at(first + m)
+                    found |= ti.cast(level > 0.0, ti.u32) << ti.cast(m, ti.u32)
+            inside = (found & read) | (self.signs.deep[pair] & ~read)
+            self.signs.inside[q] = inside & self.signs.valid(i, j, w)
 
     @ti.func
     def level_at(self, at):
@@ -227,18 +228,9 @@ class MarchingCubes:
     @ti.func
     def at_wall(self, node, far):
         """Returns True if an edge ends at a ghost: its vertex is then on the wall, halfway."""
-        found, nodes = False, self.numbers.nodes[None]
-        if self.numbers.walled[None] == 1:
-            # A ghost is the first or last node of the axis along which the edge's ends differ.
-            for a in ti.static(range(3)):
-                ghost = node[a] == 0 or far[a] == nodes[a] - 1
-                found = found or (far[a] > node[a] and ghost)
-        return found
-
-    @ti.func
-    def cell_words(self):
-        nodes = self.numbers.nodes[None]
-        return (nodes[0] - 1) * (nodes[1] - 1) * self.numbers.words[None]
+        # A ghost is the first or last node of the axis along which the edge's ends differ.
+        ghost = (node == 0) | (far == self.numbers.nodes[None] - 1)
+        return self.numbers.walled[None] == 1 and ((far > node) & ghost).any()
 
     @ti.func
     def cell_position(self, q):

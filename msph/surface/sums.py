@@ -57,12 +57,16 @@ class KernelSums:
         return self.bodies.clearance(first + half) < self.numbers.widest[None] + half.norm()
 
     @ti.func
-    def sum_tile(self, i, j, k, bodies: ti.template(), near_body, full: ti.template()):
-        """Computes c and the components of grad c [1/m], a vec16 each, at the nodes of a tile.
+    def sum_tile(self, i, j, k, bodies: ti.template(), full: ti.template()):
+        """Computes c and the components of grad c [1/m], a vec16 each, at the nodes of a tile, and
+        True if bodies are near the tile.
 
-        bodies: True if the scene has bodies; near_body: True if they are near the tile; full: True
-        to use kernels of full reach for all particles and to skip grad c.
+        bodies: True if the scene has bodies; full: True to use kernels of full reach for all
+        particles and to skip grad c.
         """
+        near_body = False
+        if ti.static(bodies):
+            near_body = self.near_bodies(i, j, k)
         x, y, z = vec2(0.0), vec2(0.0), vec4(0.0)
         longest = self.numbers.longest[None]
         for m in ti.static(range(PAIR)):
@@ -91,7 +95,7 @@ class KernelSums:
                     gx[n] += f * (ax[n] - s[n] * h[0])
                     gy[n] += f * (ay[n] - s[n] * h[1])
                     gz[n] += f * (az[n] - s[n] * h[2])
-        return c, gx, gy, gz
+        return c, gx, gy, gz, near_body
 
     @ti.func
     def sum_layer(self, layer, x, y, z, full: ti.template()):

@@ -118,10 +118,7 @@ class Surface:
             first = self.band.tile(q)
             i, j = first[0] + ti.Vector([0, 1]), first[1] + ti.Vector([0, 1])
             k = first[2] + ti.Vector([0, 1, 2, 3])
-            near_body = False
-            if ti.static(bodies):
-                near_body = self.sums.near_bodies(i, j, k)
-            c, gx, gy, gz = self.sums.sum_tile(i, j, k, bodies, near_body, False)
+            c, gx, gy, gz, near_body = self.sums.sum_tile(i, j, k, bodies, False)
             for n in range(TILE):
                 node = first + ti.Vector([n // HALF_TILE, n // RUN % PAIR, n % RUN])
                 at = self.cubes.lattice.node_index(node)
