@@ -14,8 +14,8 @@ from msph.lesson.board_view import read
 from msph.lesson.course import LessonProgress
 from msph.lesson.guide import Guide
 from msph.lesson.load import Course, load_lesson, shipped_lessons
+from msph.lesson.numbers import Numbers
 from msph.lesson.paint import band_height
-from msph.lesson.quantities import Numbers
 from msph.lesson.slides import write as write_slides
 from msph.options import AS_GIVEN, RunOptions
 from msph.scene.load import read_toml

@@ -7,7 +7,8 @@ from typing import Any
 from msph import expressions
 from msph.lesson.boards import Input, board_of
 from msph.lesson.load import Course
-from msph.lesson.quantities import QUANTITIES, Numbers
+from msph.lesson.numbers import Numbers
+from msph.lesson.quantities import QUANTITIES
 from msph.lesson.schema import SliderOf, Task
 from msph.scene.parameters import parameters
 from msph.scene.schema import Scene

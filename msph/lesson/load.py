@@ -13,7 +13,7 @@ from msph import expressions
 from msph.errors import did_you_mean
 from msph.lesson.boards import MODULES, board_of
 from msph.lesson.excerpt import excerpt
-from msph.lesson.quantities import known_numbers
+from msph.lesson.numbers import known_numbers
 from msph.lesson.schema import LINES, REASON, WORDS, Lesson, SliderOf, Task, WaterOf
 from msph.lesson.typeset import check_formula
 from msph.scene.check import views

@@ -1,11 +1,13 @@
 """Quantities of physics lessons, measured from the ledger's entries and the poses of bodies."""
 
 import math
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
 from msph.fluid.boundary.rigid_bodies import Ball, half_extents, volume
+from msph.lesson.quantities import quantity
+from msph.measure.entry import Entry
 from msph.stage.show import Show
 
 # Time [s] at the end of a run over which forces and jets are averaged.
@@ -19,31 +21,32 @@ WAVES = 2.0
 GROWING = 3
 
 
-def _recent(show: Show, name: str, window: float = WINDOW) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the times (n,) [s] and values of an attribute of the entries of the last `window`
-    [s]."""
-    entries = show.ledger.entries
-    kept = [e for e in entries if e.time > entries[-1].time - window * (1.0 + 1e-6)]
-    return np.array([e.time for e in kept]), np.array([getattr(e, name) for e in kept])
+def _recent(show: Show) -> tuple[Entry, Entry]:
+    """Returns the first and the last entry of the last WINDOW [s]."""
+    last = show.ledger.entries[-1]
+    start = last.time - WINDOW * (1.0 + 1e-6)
+    return next(e for e in show.ledger.entries if e.time > start), last
 
 
+@quantity("N", "vertical force of the water on all bodies, mean of the last 0.5 s")
 def lift(show: Show) -> float:
-    """Returns the mean vertical force [N] of the water on all bodies."""
-    time, given = _recent(show, "body_impulse")
-    return -float(given[-1, 1] - given[0, 1]) / (time[-1] - time[0]) if len(time) > 1 else math.nan
+    first, last = _recent(show)
+    impulse, time = last.body_impulse - first.body_impulse, last.time - first.time
+    return -float(impulse[1]) / time if time > 0.0 else math.nan
 
 
+@quantity("m/s", "speed of the water in outflows, mean of the last 0.5 s")
 def jet_speed(show: Show) -> float:
-    """Returns the mean speed [m/s] of the water that leaves through outflows."""
-    _, mass = _recent(show, "outflow_mass")
-    _, momentum = _recent(show, "outflow_momentum")
-    left = float(mass[-1] - mass[0])
-    return float(np.linalg.norm(momentum[-1] - momentum[0])) / left if left > 0.0 else math.nan
+    """Momentum over mass of the water that has left."""
+    first, last = _recent(show)
+    momentum = last.outflow_momentum - first.outflow_momentum
+    mass = last.outflow_mass - first.outflow_mass
+    return float(np.linalg.norm(momentum)) / mass if mass > 0.0 else math.nan
 
 
+@quantity("%", "share of the bodies' volume below the level of the water", slow=True)
 def submerged(show: Show) -> float:
-    """Returns the share [%] of the bodies' volume below the level of the water, which follows from
-    the volume of the water in a box without other solids."""
+    """The level follows from the volume of the water in a box without other solids."""
     boundary, size = show.simulation.boundary, show.simulation.size
     heights, volumes = [], []
     for k, body in enumerate(boundary.bodies):
@@ -85,42 +88,39 @@ def amplitude(times: np.ndarray, values: np.ndarray) -> float:
     return math.sqrt(2.0) * float(values[times > times[-1] - WAVES * (1.0 - 1e-6)].std())
 
 
-def _since_change(show: Show) -> list[Any]:
-    """Returns the entries since gravity changed last."""
+def _since_change(show: Show, read: Callable[[Entry], float]) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the times (n,) [s], and a number that is read from each of the entries, since gravity
+    changed last."""
     entries = show.ledger.entries
     g = entries[-1].gravity
     first = next((k for k in range(len(entries), 0, -1) if (entries[k - 1].gravity != g).any()), 0)
-    return entries[first:]
+    return np.array([e.time for e in entries[first:]]), np.array([read(e) for e in entries[first:]])
 
 
+@quantity("s", "period of the water's momentum along x at this gravity")
 def sloshing_period(show: Show) -> float:
-    """Returns the period [s] at which the water swings along x since gravity changed last."""
-    kept = _since_change(show)
-    momentum = np.array([e.momentum[0] for e in kept])
-    return _period(np.array([e.time for e in kept]), momentum) if len(kept) > 2 else math.nan
+    return _period(*_since_change(show, lambda e: e.momentum[0]))
 
 
+@quantity(
+    "m", "growth per period of the swing of the centre of mass along x, mean of three periods"
+)
 def swing_growth(show: Show) -> float:
-    """Returns by how much [m] the swing of the centre of mass along x grows in a period, mean of
-    the last GROWING periods at this gravity."""
-    kept = _since_change(show)
-    centre = np.array([e.centre[0] for e in kept])
+    _, centre = _since_change(show, lambda e: e.centre[0])
+    _, momentum = _since_change(show, lambda e: e.momentum[0])
     # The centre of mass turns where the momentum vanishes.
-    turns = _crossings(np.array([e.momentum[0] for e in kept]))[-1 - GROWING :]
-    lowest = np.interp(turns, np.arange(len(kept)), centre)
+    turns = _crossings(momentum)[-1 - GROWING :]
+    lowest = np.interp(turns, np.arange(len(centre)), centre)
     return float(lowest[0] - lowest[-1]) / GROWING if len(turns) > GROWING else math.nan
 
 
+@quantity("m", "amplitude of the floating bodies' rise and fall, over 2 s")
 def heave_amplitude(show: Show) -> float:
-    """Returns the amplitude [m] at which floating bodies rise and fall at this gravity."""
-    kept = _since_change(show)
-    weight = float(show.simulation.boundary.floating.mass.sum() * np.linalg.norm(kept[-1].gravity))
-    heights = np.array([e.floating_potential for e in kept]) / weight
-    return amplitude(np.array([e.time for e in kept]), heights)
+    times, potential = _since_change(show, lambda e: e.floating_potential)
+    gravity = np.linalg.norm(show.ledger.entries[-1].gravity)
+    return amplitude(times, potential / (show.simulation.boundary.floating.mass.sum() * gravity))
 
 
+@quantity("s", "period of the floating bodies' rise and fall at this gravity")
 def heave_period(show: Show) -> float:
-    """Returns the period [s] at which floating bodies rise and fall since gravity changed last."""
-    kept = _since_change(show)
-    momentum = np.array([e.floating_momentum[1] for e in kept])
-    return _period(np.array([e.time for e in kept]), momentum) if len(kept) > 2 else math.nan
+    return _period(*_since_change(show, lambda e: e.floating_momentum[1]))

@@ -12,8 +12,9 @@ from codespell_lib import main as codespell
 from msph.lesson.course import readable
 from msph.lesson.excerpt import ExcerptError, excerpt
 from msph.lesson.load import load_lesson
+from msph.lesson.numbers import Numbers
 from msph.lesson.physics import amplitude, swing_growth
-from msph.lesson.quantities import QUANTITIES, Numbers
+from msph.lesson.quantities import QUANTITIES
 from msph.lesson.schema import LINES, WORDS
 from msph.scene.library import assets
 from msph.scene.load import load_scene

@@ -16,7 +16,7 @@ import psutil
 import pytest
 
 from msph.fluid.boundary.rigid_bodies import Ball, centre
-from msph.lesson.quantities import Numbers
+from msph.lesson.numbers import Numbers
 from msph.measure.timings import Timings
 from msph.options import CaptureOptions, RunOptions
 from msph.own_files import release
