@@ -12,7 +12,7 @@ import csv
 import itertools
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -39,14 +39,17 @@ ASYMPTOTIC = "in the asymptotic range"
 
 @dataclass(frozen=True)
 class Estimate:
-    """Estimate for one figure, in its unit: observed order (-), limit, error and uncertainty of the
-    finest run, NaN if unknown, and a verdict in words."""
+    """Estimate for one figure, in its unit: a verdict in words, observed order (-), limit, error
+    and uncertainty of the finest run, NaN if unknown."""
 
-    order: float
-    limit: float
-    error: float
-    uncertainty: float
     verdict: str
+    order: float = math.nan
+    limit: float = math.nan
+    error: float = math.nan
+    uncertainty: float = math.nan
+
+
+SAME = Estimate("the same in all runs", error=0.0, uncertainty=0.0)
 
 
 @dataclass(frozen=True)
@@ -64,37 +67,37 @@ def factors(runs: int) -> list[float]:
     return [RATIO**k for k in reversed(range(runs))]
 
 
-def estimate(values: Iterable[float], ratio: float = RATIO) -> Estimate:
+def estimate(values: Iterable[float]) -> Estimate:
     """Returns the estimate from at least three values, from coarse to fine, at spacings that differ
-    by the same ratio."""
+    by RATIO."""
     phi = np.array(list(values), float)
-    nan = math.nan
     if not np.isfinite(phi).all():
-        return Estimate(nan, nan, nan, nan, "unknown in some runs")
+        return Estimate("unknown in some runs")
     differences, spread = np.diff(phi), float(np.ptp(phi))
     if spread <= ROUNDING * np.abs(phi).max():
-        return Estimate(nan, float(phi[-1]), 0.0, 0.0, "the same in all runs")
-    why = ""
+        return replace(SAME, limit=float(phi[-1]))
     if len(set(np.sign(differences))) > 1:
-        why = "oscillate"
-    elif abs(differences[-1]) >= abs(differences[-2]):
-        why = "grow"
-    if why:
-        verdict = f"not {ASYMPTOTIC}: differences {why}"
-        return Estimate(nan, nan, nan, SAFETY_UNKNOWN * spread, verdict)
-    h = ratio ** np.arange(len(phi) - 1.0, -1.0, -1.0)
+        return _without_order("oscillate", spread)
+    if abs(differences[-1]) >= abs(differences[-2]):
+        return _without_order("grow", spread)
+    h = RATIO ** np.arange(len(phi) - 1.0, -1.0, -1.0)
     order = _order(h, phi)
     limit = _fit(h, phi, order)[0]
     return _with_order(order, limit, float(phi[-1] - limit), spread)
 
 
+def _without_order(why: str, spread: float) -> Estimate:
+    """Returns the estimate if differences grow or oscillate; spread: largest one between runs."""
+    return Estimate(f"not {ASYMPTOTIC}: differences {why}", uncertainty=SAFETY_UNKNOWN * spread)
+
+
 def _with_order(order: float, limit: float, error: float, spread: float) -> Estimate:
     """Returns the estimate for a known order; spread: largest difference between runs."""
     if ORDERS[0] <= order <= ORDERS[1]:
-        return Estimate(order, limit, error, SAFETY * abs(error), ASYMPTOTIC)
+        return Estimate(ASYMPTOTIC, order, limit, error, SAFETY * abs(error))
     rate = "slower than first" if order < ORDERS[0] else "faster than second"
     bound = SAFETY * max(abs(error), spread)
-    return Estimate(order, limit, error, bound, f"not {ASYMPTOTIC}: {rate} order")
+    return Estimate(f"not {ASYMPTOTIC}: {rate} order", order, limit, error, bound)
 
 
 def _fit(h: np.ndarray, phi: np.ndarray, order: float) -> tuple[float, float]:
@@ -168,14 +171,13 @@ def _lost(ledger: dict) -> float:
 def _estimate_from_distances(distances: list[float]) -> Estimate:
     """Returns the estimate from positive distances between successive runs: they shrink by
     RATIO^order, and the error of the finest run is the sum of the remaining geometric series."""
-    nan, (before, last) = math.nan, distances[-2:]
+    before, last = distances[-2:]
     if last == 0.0:
-        return Estimate(nan, nan, 0.0, 0.0, "the same in all runs")
+        return SAME
     if last >= before:
-        verdict = f"not {ASYMPTOTIC}: differences grow"
-        return Estimate(nan, nan, nan, SAFETY_UNKNOWN * max(distances), verdict)
+        return _without_order("grow", max(distances))
     order = math.log(before / last) / math.log(RATIO)
-    return _with_order(order, nan, last / (RATIO**order - 1.0), max(distances))
+    return _with_order(order, math.nan, last / (RATIO**order - 1.0), max(distances))
 
 
 ESTIMATE_HEADS = ["order", "limit", "error", "uncertainty", "verdict"]
@@ -213,14 +215,6 @@ def text(rows: list[Convergence], spacings: list[float]) -> str:
 def as_json(rows: list[Convergence]) -> list[dict]:
     """Returns the rows for the summary of the finest run."""
     return [
-        {
-            "quantity": row.name,
-            "unit": row.unit,
-            "value": row.values[-1],
-            "order": row.estimate.order,
-            "error": row.estimate.error,
-            "uncertainty": row.estimate.uncertainty,
-            "verdict": row.estimate.verdict,
-        }
+        {"quantity": row.name, "unit": row.unit, "value": row.values[-1], **vars(row.estimate)}
         for row in rows
     ]
