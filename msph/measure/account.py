@@ -14,55 +14,50 @@ PERCENT, DECIMAL, INTEGER, EXPONENT = "{:+.3f} %", "{:.1f}", "{:.0f}", "{:.1e}"
 # A row of a group: key in the summary, limit (in the value's unit; of the resolution a lower
 # limit), format (PERCENT multiplies by 100), label. Unless explained, limits are about twice the
 # largest value of the shipped scenes in their first 2 s by the projection method (docs/scenes.md).
-RESOLUTION = (
-    # Periods of sloshing are 2 % off at 10 spacings, 0.9 % at 12 (bench/results/accuracy.md).
-    ("spacings_across_depth", 10.0, DECIMAL, "finest spacings across the mean depth"),
-    (
-        "spacings_across_narrowest_gap",
-        float(MIN_SPACINGS_ACROSS),
-        DECIMAL,
-        "across the narrowest gap",
-    ),
-    # The support of 2.45 spacings less half a spacing between each face and the particles.
-    ("spacings_across_bodies", 1.45, DECIMAL, "across"),
-)
-WATER = (
-    # Equal to the limit of the mean bulk density error: both errors shift water levels.
-    ("mass_laid_error", 0.005, PERCENT, "initial mass against the scene's"),
-)
-CONSERVATION = (
-    # Rounding of single precision is 1e-7.
-    ("mass_change", 1e-6, EXPONENT, "change of mass"),
-    ("outside_most", 0.0, INTEGER, "most particles outside the box or inside bodies"),
-    # Ten times the largest value: the share of rounding grows as the water moves less.
-    ("momentum_drift", 1e-4, EXPONENT, "momentum created by pair forces"),
-    ("angular_momentum_drift", 1e-3, EXPONENT, "angular momentum created by pair forces"),
-    # Equal to the limit of bench/accuracy.py for still and sloshing water.
-    ("energy_gain", 0.001, PERCENT, "energy gain beyond external work"),
-    # Large if little water moves: on a lattice, water gains as much while its surface settles.
-    ("energy_gain_of_motion", 0.1, PERCENT, "the same over the energy of the motion"),
-    ("energy_rise_in_1_s", 0.001, PERCENT, "energy gain within 1 s without input"),
-)
-DENSITY = (
-    ("solver_residual_mean", 0.002, PERCENT, "solver residual, mean"),
-    ("solver_residual_p99", 0.02, PERCENT, "solver residual, 99th percentile"),
-    ("solver_residual_max", 0.5, PERCENT, "solver residual, largest"),
-    # Disordered water of the right volume has errors of up to 2 and 6 % (docs/method.md).
-    ("kernel_density_error_mean", 0.03, PERCENT, "kernel density error, mean"),
-    ("kernel_density_error_p99", 0.1, PERCENT, "kernel density error, 99th percentile"),
-    ("bulk_density_error_mean", 0.005, PERCENT, "bulk density error, mean"),
-    ("bulk_density_error_worst", 0.02, PERCENT, "bulk density error, worst"),
-)
-VOLUME = (
-    ("volume_error_mean", 0.002, PERCENT, "volume within the surface mesh, mean"),
-    ("volume_error_worst", 0.02, PERCENT, "volume within the surface mesh, worst"),
-)
 GROUPS = {
-    "resolution": RESOLUTION,
-    "water": WATER,
-    "conservation": CONSERVATION,
-    "density": DENSITY,
-    "volume": VOLUME,
+    "resolution": (
+        # Periods of sloshing are 2 % off at 10 spacings, 0.9 % at 12 (bench/results/accuracy.md).
+        ("spacings_across_depth", 10.0, DECIMAL, "finest spacings across the mean depth"),
+        (
+            "spacings_across_narrowest_gap",
+            float(MIN_SPACINGS_ACROSS),
+            DECIMAL,
+            "across the narrowest gap",
+        ),
+        # The support of 2.45 spacings less half a spacing between each face and the particles.
+        ("spacings_across_bodies", 1.45, DECIMAL, "across"),
+    ),
+    "water": (
+        # Equal to the limit of the mean bulk density error: both errors shift water levels.
+        ("mass_laid_error", 0.005, PERCENT, "initial mass against the scene's"),
+    ),
+    "conservation": (
+        # Rounding of single precision is 1e-7.
+        ("mass_change", 1e-6, EXPONENT, "change of mass"),
+        ("outside_most", 0.0, INTEGER, "most particles outside the box or inside bodies"),
+        # Ten times the largest value: the share of rounding grows as the water moves less.
+        ("momentum_drift", 1e-4, EXPONENT, "momentum created by pair forces"),
+        ("angular_momentum_drift", 1e-3, EXPONENT, "angular momentum created by pair forces"),
+        # Equal to the limit of bench/accuracy.py for still and sloshing water.
+        ("energy_gain", 0.001, PERCENT, "energy gain beyond external work"),
+        # Large if little water moves: on a lattice, water gains as much while its surface settles.
+        ("energy_gain_of_motion", 0.1, PERCENT, "the same over the energy of the motion"),
+        ("energy_rise_in_1_s", 0.001, PERCENT, "energy gain within 1 s without input"),
+    ),
+    "density": (
+        ("solver_residual_mean", 0.002, PERCENT, "solver residual, mean"),
+        ("solver_residual_p99", 0.02, PERCENT, "solver residual, 99th percentile"),
+        ("solver_residual_max", 0.5, PERCENT, "solver residual, largest"),
+        # Disordered water of the right volume has errors of up to 2 and 6 % (docs/method.md).
+        ("kernel_density_error_mean", 0.03, PERCENT, "kernel density error, mean"),
+        ("kernel_density_error_p99", 0.1, PERCENT, "kernel density error, 99th percentile"),
+        ("bulk_density_error_mean", 0.005, PERCENT, "bulk density error, mean"),
+        ("bulk_density_error_worst", 0.02, PERCENT, "bulk density error, worst"),
+    ),
+    "volume": (
+        ("volume_error_mean", 0.002, PERCENT, "volume within the surface mesh, mean"),
+        ("volume_error_worst", 0.02, PERCENT, "volume within the surface mesh, worst"),
+    ),
 }
 # Consequence of a value outside its limit.
 CAUTIONS = {
