@@ -120,8 +120,7 @@ class State(Builder):
         self._copy(sim.particles, n, -sim.ahead, sim.region)
         if wanted.view in self.attributes:
             attribute = self.attributes[wanted.view]
-            view = self._view_length if attribute.width == 3 else self._view
-            view(sim.particles.fields[attribute.name], n)
+            self._view(sim.particles.fields[attribute.name], attribute.width == 3, n)
         self.grid.invalidate()
         self.now, self.wanted, self._ahead = now, wanted, sim.ahead
 
@@ -150,16 +149,14 @@ class State(Builder):
             self.particles.layer[i], self.particles.id[i] = source.layer[i], source.id[i]
 
     @kernel
-    def _view(self, source: ti.template(), n: ti.i32):
+    def _view(self, source: ti.template(), vector: ti.template(), n: ti.i32):
+        """Copies an attribute, of a vector its length."""
         ti.loop_config(serialize=self.traits.light)
         for i in range(n):
-            self.particles.viewed[i] = source[i]
-
-    @kernel
-    def _view_length(self, source: ti.template(), n: ti.i32):
-        ti.loop_config(serialize=self.traits.light)
-        for i in range(n):
-            self.particles.viewed[i] = source[i].norm()
+            if ti.static(vector):
+                self.particles.viewed[i] = source[i].norm()
+            else:
+                self.particles.viewed[i] = source[i]
 
 
 def state_of(world: World) -> State:

@@ -9,9 +9,6 @@ from msph.export.files import PARAVIEW, BodyFiles
 from msph.own_files import OutputError, place_of
 
 VIDEO = (".mp4", ".mov", ".mkv", ".webm")
-MESH = (".ply", ".obj", PARAVIEW)
-TABLE = (".npz", ".csv", PARAVIEW)
-POINTS = (".ply", PARAVIEW)
 # Bodies as one file with a table of transforms, or as a file per frame.
 BODIES = ".obj"
 # Placeholder of the frame number in a file name.
@@ -19,6 +16,15 @@ NUMBER = re.compile(r"%0?[1-9]?d")
 # Animated images, and the largest frame rate of a GIF, whose frames last at least 0.02 s.
 ANIMATION = (".gif", ".webp")
 GIF_FPS = 50.0
+# Formats of the files of Outputs, by name.
+KINDS = {
+    "pictures": (*VIDEO, *ANIMATION, ".png"),
+    "meshes": (".ply", ".obj", PARAVIEW),
+    "particles": (".npz", ".csv", PARAVIEW),
+    "bodies": (PARAVIEW, BODIES),
+    "droplets": (".ply", PARAVIEW),
+    "usd": usd.SUFFIXES,
+}
 # Formats that may have an alpha channel.
 ALPHA = (".png", ".webp", ".webm")
 
@@ -40,8 +46,7 @@ class Outputs:
     mesh_layer: bool = False
 
     def all(self) -> list[Path]:
-        more = *self.particles, *self.bodies, *self.droplets, *self.usd
-        return [*self.pictures, *self.meshes, *more]
+        return [path for name in KINDS for path in getattr(self, name)]
 
     @property
     def surface(self) -> bool:
@@ -97,16 +102,8 @@ def check_outputs(
 ) -> None:
     """Raises OutputError for outputs of an unknown or unfit kind. alpha: the images have an alpha
     channel."""
-    kinds = (
-        (outputs.pictures, (*VIDEO, *ANIMATION, ".png")),
-        (outputs.meshes, MESH),
-        (outputs.particles, TABLE),
-        (outputs.bodies, (PARAVIEW, BODIES)),
-        (outputs.droplets, POINTS),
-        (outputs.usd, usd.SUFFIXES),
-    )
-    for paths, suffixes in kinds:
-        for path in paths:
+    for name, suffixes in KINDS.items():
+        for path in getattr(outputs, name):
             check_output(path, suffixes, path in outputs.bodies and kind(path) == BODIES)
     paths = outputs.all()
     if len({place_of(path) for path in paths}) < len(paths):
@@ -144,7 +141,7 @@ def check_output(path: Path, suffixes: tuple[str, ...], single: bool) -> None:
     if len(NUMBER.findall(path.name)) > 1:
         raise OutputError(f"{path}: has more than one frame number")
     single = single or kind(path) in (*VIDEO, *ANIMATION, *usd.SUFFIXES)
-    if not single and kind(path) in (*MESH, *TABLE) and not numbered(path):
+    if not single and kind(path) in (*KINDS["meshes"], *KINDS["particles"]) and not numbered(path):
         raise OutputError(f"{path}: needs a frame number in its name, such as %04d")
     if single and numbered(path):
         what = "a video" if kind(path) in (*VIDEO, *ANIMATION) else "it"
