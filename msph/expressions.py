@@ -9,7 +9,7 @@ import functools
 import math
 import re
 from collections.abc import Mapping
-from types import CodeType
+from types import CodeType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -52,7 +52,10 @@ def check(
     """Raises ExpressionError for an expression that is invalid, uses unknown names or is undefined
     in a trial; known: names with their attributes, or None for a number."""
     check_names(text, known, functions)
-    trial = {name: _Trial() if inner else TRIAL_VALUE for name, inner in known.items()}
+    trial = {
+        name: SimpleNamespace(**dict.fromkeys(inner, TRIAL_VALUE)) if inner else TRIAL_VALUE
+        for name, inner in known.items()
+    }
     found = value(text, trial, functions)
     if found != found:
         raise ExpressionError(f"is not a number: {text!r}")
@@ -187,13 +190,5 @@ def _compiled(text: str) -> CodeType:
 
 
 def _demand(name: str, known: Any, what: str) -> None:
-    if name in known:
-        return
-    raise ExpressionError(f"unknown {what} {name!r}; {did_you_mean(name, known)}")
-
-
-class _Trial:
-    """Object whose every attribute is TRIAL_VALUE."""
-
-    def __getattr__(self, name: str) -> float:
-        return TRIAL_VALUE
+    if name not in known:
+        raise ExpressionError(f"unknown {what} {name!r}; {did_you_mean(name, known)}")
