@@ -5,11 +5,8 @@ from functools import partial
 import numpy as np
 
 from bench import tanks
-from bench.tables import Bench, Table
-from msph.measure.bulk import bulk_density
-from msph.measure.kernel_density import kernel_density
+from bench.tables import Bench, Declared, Figures, Table, figures, forms
 from msph.scene import load_scene
-from msph.scene.build import build_simulation
 from msph.stage.benchmark import benchmark
 
 SCENE = "pool_2x"
@@ -30,66 +27,45 @@ SETUPS = {
 }
 # Simulated time of each run [s].
 SECONDS = 4.0
-# Formats of the figures by their head in the tables.
-SPEEDS = {
-    "particles": ",.0f",
-    "ms per frame": ".1f",
-    "real-time factor": ".2f",
-    "steps per frame": ".1f",
-    "momentum drift": ".2%",
-    "energy gain": ".2%",
+# Figures of a benchmark.
+SPEEDS: Declared = {
+    "particles": (",.0f", lambda run: sum(run.particles)),
+    "ms per frame": (".1f", lambda run: run.frame_p50_ms),
+    "real-time factor": (".2f", lambda run: run.simulated_per_wall),
+    "steps per frame": (".1f", lambda run: run.steps_per_frame),
+    "momentum drift": (".2%", lambda run: run.momentum_drift),
+    "energy gain": (".2%", lambda run: run.energy_gain),
 }
-ERRORS = {
-    "pressure error, rms over depth": ".1%",
-    "bulk density error": "+.2%",
-    "kernel density error, mean": ".2%",
-    "99th percentile of it": ".2%",
-    "solver residual, mean": ".3%",
-    "99th percentile": ".2%",
-    "largest": ".1%",
-    "height of the centre of mass": "+.2%",
-    "energy rise in 1 s": ".3%",
-    "kinetic energy, J": ".2f",
+# Figures of a reading.
+ERRORS: Declared = {
+    "pressure error, rms over depth": (".1%", lambda reading: reading.pressure_error()),
+    "bulk density error": ("+.2%", lambda reading: reading.water.bulk_density() - 1.0),
+    "kernel density error, mean": (".2%", lambda reading: reading.water.kernel_density().mean),
+    "99th percentile of it": (".2%", lambda reading: reading.water.kernel_density().p99),
+    "solver residual, mean": (".3%", lambda reading: np.mean(reading.error_mean)),
+    "99th percentile": (".2%", lambda reading: np.mean(reading.error_p99)),
+    "largest": (".1%", lambda reading: max(reading.error_max)),
+    "height of the centre of mass": ("+.2%", lambda reading: reading.volume_error()),
+    "energy rise in 1 s": (".3%", lambda reading: reading.energy_rise()),
+    "kinetic energy, J": (".2f", lambda reading: reading.kinetic[-1]),
 }
 
 
-def speed(setup: str, start: int) -> dict[str, float]:
+def speed(setup: str, start: int) -> Figures:
     """Returns the speed of the rocking pool, simulation only."""
     scene = load_scene(SCENE, (*GIVEN, *SETUPS[setup], f"seed={start}"))
-    found = benchmark(scene, SCENE, SECONDS, render=False)
-    return {
-        "particles": sum(found.particles),
-        "ms per frame": found.frame_p50_ms,
-        "real-time factor": found.simulated_per_wall,
-        "steps per frame": found.steps_per_frame,
-        "momentum drift": found.momentum_drift,
-        "energy gain": found.energy_gain,
-    }
+    return figures(SPEEDS, benchmark(scene, SCENE, SECONDS, render=False))
 
 
-def errors(setup: str, start: int) -> dict[str, float]:
+def errors(setup: str, start: int) -> Figures:
     """Returns the errors of the still pool over the second half of the run."""
     scene = load_scene(SCENE, (*GIVEN, *SETUPS[setup], "sway.angle=0", f"seed={start}"))
-    sim = build_simulation(scene)
+    sim = tanks.build(scene)
     reading = tanks.Reading(sim)
     tanks.run(sim, 0.5 * SECONDS)
     reading.read()
     tanks.run(sim, 0.5 * SECONDS, reading)
-    water = reading.water
-    x, spacing = water.positions(), water.spacings()
-    kernel = kernel_density(x, spacing, sim.size)
-    return {
-        "pressure error, rms over depth": reading.pressure_error(),
-        "bulk density error": bulk_density(x, spacing, sim.size, sim.boundary.free).mean - 1.0,
-        "kernel density error, mean": kernel.mean,
-        "99th percentile of it": kernel.p99,
-        "solver residual, mean": float(np.mean(reading.error_mean)),
-        "99th percentile": float(np.mean(reading.error_p99)),
-        "largest": max(reading.error_max),
-        "height of the centre of mass": reading.volume_error(),
-        "energy rise in 1 s": reading.energy_rise(),
-        "kinetic energy, J": reading.kinetic[-1],
-    }
+    return figures(ERRORS, reading)
 
 
 TABLES = {
@@ -97,13 +73,13 @@ TABLES = {
         f"Speed and errors of `{SCENE}`, rocking, simulation only",
         ("method",),
         {(setup,): partial(speed, setup) for setup in SETUPS},
-        SPEEDS,
+        forms(SPEEDS),
     ),
     "errors": Table(
         f"Errors of `{SCENE}` at rest, over the second half of {SECONDS:g} s",
         ("method",),
         {(setup,): partial(errors, setup) for setup in SETUPS},
-        ERRORS,
+        forms(ERRORS),
     ),
 }
 BENCHES = {

@@ -27,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import trimesh
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
@@ -42,12 +43,6 @@ DISPATCH = "libGLdispatch.so.0"
 # Initial distance from the particles to the walls in spacings: first guess, and corrections by the
 # level of still water after LEVEL_SECONDS [s] in a tank of at most LEVEL_EDGE spacings a side.
 GAP, GAP_ROUNDS, LEVEL_SECONDS, LEVEL_EDGE = 1.25, 4, 1.0, 12
-# Walls: corners of a unit cube about the origin, and its faces counter-clockwise from outside.
-CORNERS = [(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]
-FACES = (
-    *((1, 2, 4), (1, 4, 3), (5, 7, 8), (5, 8, 6), (1, 5, 6), (1, 6, 2)),
-    *((3, 4, 8), (3, 8, 7), (1, 3, 7), (1, 7, 5), (2, 6, 8), (2, 8, 4)),
-)
 # Enumerations of SPlisHSPlasH's scene files: DFSPH, volume maps (Bender et al. 2019), step by the
 # Courant number, "Standard" viscosity.
 DFSPH, VOLUME_MAPS, COURANT, STANDARD = 4, 2, 1, 1
@@ -194,9 +189,7 @@ class Dfsph(Water):
 
     def _write(self, n: int, cfl: float, longest: float, tolerance: float) -> Path:
         """Writes the scene file and the mesh of the walls; returns the path of the file."""
-        lines = [f"v {x} {y} {z}" for x, y, z in CORNERS]
-        lines += [f"f {a} {b} {c}" for a, b, c in FACES]
-        (MAPS / "walls.obj").write_text("\n".join(lines) + "\n")
+        trimesh.creation.box().export(MAPS / "walls.obj")  # a unit cube about the origin
         d, outside = self.spacing, 2.0 * max(self.size)
         solver = {**SOLVER, "maxError": tolerance}
         solver["maxErrorV"] = DIVERGENCE_OVER_TOLERANCE * tolerance

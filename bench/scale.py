@@ -19,7 +19,6 @@ from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.projection.solver import Projection
 from msph.fluid.simulation import WORD, Simulation, footprint
-from msph.measure.kernel_density import kernel_density
 from msph.measure.timings import peak_memory
 from msph.scene.schema import Scene
 
@@ -110,8 +109,7 @@ def pool(width: float, depth: float, layers: int, every: int, start: int) -> dic
         iterations.append(sim.solver.iterations)
         reading.read()
         if frame % KERNEL_EVERY == 0:
-            water = reading.water
-            error = kernel_density(water.positions(), water.spacings(), water.size)
+            error = reading.water.kernel_density()
             kernel.append((error.mean, error.p99))
 
     for phase in PHASES:

@@ -11,7 +11,6 @@ from bench.water import Ours
 from msph.errors import BlowUpError
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.trapped_water import TrappedWaterError
-from msph.measure.bulk import bulk_density
 from msph.measure.ledger import Ledger
 from msph.measure.timings import peak_memory
 from msph.scene.build import build_simulation
@@ -66,14 +65,13 @@ def figures(sim, ledger: Ledger, ended: str, growth: int) -> dict[str, float | s
     entries = ledger.entries
     mass = np.array([e.mass for e in entries])
     water = Ours(sim)
-    x, spacing = water.positions(), water.spacings()
-    finite = bool(np.isfinite(x).all())
+    finite = bool(np.isfinite(water.positions()).all())
     if finite and ended == FINISHED:
         sim.measure_density()
     excess = np.maximum(sim.particles.numpy("density") / 1000.0 - 1.0, 0.0)
-    bulk = bulk_density(x, spacing, sim.size, sim.boundary.free).mean if finite else np.nan
+    bulk = water.bulk_density() if finite else np.nan
     return {
-        "particles": len(x),
+        "particles": water.count,
         "steps": sim.steps,
         "outside": max(e.outside for e in entries),
         "mass": float(np.abs(mass / mass[0] - 1.0).max()),

@@ -7,7 +7,7 @@ compared, not frames per second.
 
 from functools import partial
 
-from bench.tables import Bench, Table, markdown
+from bench.tables import Bench, Declared, Figures, Table, figures, forms, markdown
 from msph.scene import load_scene
 from msph.stage.benchmark import benchmark
 
@@ -30,37 +30,41 @@ REST, BARE = "rms speed at rest, m/s", "frames/s without rendering"
 # Image size [pixels] of the runs of system 3.
 SIZE = (640, 360)
 
+# Figures of a benchmark.
+FIGURES: Declared = {
+    "particles": (",.0f", lambda run: sum(run.particles)),
+    "frames/s": (".0f", lambda run: 1e3 / run.frame_p50_ms),
+    BARE: (".1f", lambda run: 1e3 / run.stages_p50_ms["fluid"]),
+    "mean of the run": (".1f", lambda run: run.fluid_frames_per_second),
+    "steps/s": (".0f", lambda run: run.steps_per_frame * 1e3 / run.stages_p50_ms["fluid"]),
+    "surface and image, ms": (
+        ".1f",
+        lambda run: run.stages_p50_ms["surface"] + run.stages_p50_ms["picture"],
+    ),
+    "solver residual, mean": (".2%", lambda run: run.solver_residual_mean),
+    "largest": (".0%", lambda run: run.solver_residual_max),
+    "volume error": ("+.1%", lambda run: run.volume_error),
+    "kinetic energy at rest, J": (".3f", lambda run: run.rest_energy),
+    REST: (".3f", lambda run: run.rest_speed),
+    "energy gain": (".2%", lambda run: run.energy_gain),
+    "momentum drift": (".1%", lambda run: run.momentum_drift),
+}
+
 Systems = dict[tuple[str, int], dict[str, float]]
 
 
-def measured(scene: str, changes: tuple[str, ...], seconds: float) -> dict[str, float]:
+def measured(scene: str, changes: tuple[str, ...], seconds: float) -> Figures:
     """Returns the figures of a run of the classic method: medians over its frames."""
     given = load_scene(scene, ("method=classic", *changes))
-    found = benchmark(given, scene, seconds, size=SIZE)
-    stages = found.stages_p50_ms
-    return {
-        "particles": sum(found.particles),
-        "frames/s": 1e3 / found.frame_p50_ms,
-        BARE: 1e3 / stages["fluid"],
-        "mean of the run": found.fluid_frames_per_second,
-        "steps/s": found.steps_per_frame * 1e3 / stages["fluid"],
-        "surface and image, ms": stages["surface"] + stages["picture"],
-        "solver residual, mean": found.solver_residual_mean,
-        "largest": found.solver_residual_max,
-        "volume error": found.volume_error,
-        "kinetic energy at rest, J": found.rest_energy,
-        REST: found.rest_speed,
-        "energy gain": found.energy_gain,
-        "momentum drift": found.momentum_drift,
-    }
+    return figures(FIGURES, benchmark(given, scene, seconds, size=SIZE))
 
 
-def system(pool: str, number: int, seed: int) -> dict[str, float]:
+def system(pool: str, number: int, seed: int) -> Figures:
     """Returns the figures of a system at rest."""
     return measured(pool, (f"variant=system-{number}", "sway.angle=0", f"seed={seed}"), SECONDS)
 
 
-def system_3(angle: tuple[str, ...], seed: int) -> dict[str, float]:
+def system_3(angle: tuple[str, ...], seed: int) -> Figures:
     """Returns the figures of system 3 in the deep pool."""
     return measured("pool_2x", ("variant=system-3", f"seed={seed}", *angle), RUN)
 
@@ -71,8 +75,7 @@ def against_thesis(known: list[dict]) -> list[str]:
     for row in known:
         if row["table"] == "systems":
             pool, name = row["case"].split(" | ")
-            figures = {k: float(row[k]) for k in FORMS if k in row}
-            results[pool, int(name[0])] = figures
+            results[pool, int(name[0])] = {k: float(row[k]) for k in FIGURES if k in row}
     if set(results) != set(THESIS):
         return []
     lines = [row_of(key, results) for key in results]
@@ -154,21 +157,6 @@ def verdicts(results: Systems) -> list[str]:
     return lines
 
 
-FORMS = {
-    "particles": ",.0f",
-    "frames/s": ".0f",
-    BARE: ".1f",
-    "mean of the run": ".1f",
-    "steps/s": ".0f",
-    "surface and image, ms": ".1f",
-    "solver residual, mean": ".2%",
-    "largest": ".0%",
-    "volume error": "+.1%",
-    "kinetic energy at rest, J": ".3f",
-    REST: ".3f",
-    "energy gain": ".2%",
-    "momentum drift": ".1%",
-}
 BENCHES = {
     "table_5_1": Bench(
         "Table 5.1 of the thesis, reproduced",
@@ -181,7 +169,7 @@ BENCHES = {
                 f"{SECONDS:g} s of still water each",
                 ("pool", "system"),
                 {(pool, f"{n}: {METHOD[n]}"): partial(system, pool, n) for pool, n in THESIS},
-                FORMS,
+                forms(FIGURES),
                 starts=1,
             ),
             # Rocking turns the view, so the backdrop is redrawn in every frame; at rest it is
@@ -193,7 +181,7 @@ BENCHES = {
                     ("steady",): partial(system_3, ("sway.angle=0",)),
                     ("rocking",): partial(system_3, ()),
                 },
-                FORMS,
+                forms(FIGURES),
                 {
                     BARE: ">= 60",
                     "mean of the run": ">= 60",

@@ -40,6 +40,8 @@ KEYS = ("table", "case", "start")
 META = (*KEYS, "measured", "failure")
 
 Figures = dict[str, Any]
+# A figure that is declared once: its format, and its function of what was run.
+Declared = dict[str, tuple[str, Callable[[Any], Any]]]
 Case = Callable[[int], Figures | list[Figures]]
 
 
@@ -76,6 +78,16 @@ class Bench:
     conclude: Callable[[list[dict]], list[str]] = lambda known: []
     stale: Callable[[dict], bool] = lambda row: False
     write: Callable[[list[dict]], str] | None = None
+
+
+def figures(declared: Declared, found: Any) -> Figures:
+    """Returns the values of declared figures for what was run, `found`."""
+    return {name: of(found) for name, (_, of) in declared.items()}
+
+
+def forms(declared: Declared) -> dict[str, str]:
+    """Returns the formats of declared figures."""
+    return {name: form for name, (form, _) in declared.items()}
 
 
 def bench_of(name: str) -> Bench:

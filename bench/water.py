@@ -1,5 +1,6 @@
 """Water of a benchmark: particles of one program, read and advanced in the same way for all."""
 
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -7,6 +8,8 @@ import taichi as ti
 
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.simulation import Simulation
+from msph.measure.bulk import bulk_density
+from msph.measure.kernel_density import KernelDensity, kernel_density
 from msph.measure.snapshot import Snapshot
 
 GRAVITY = 9.81
@@ -14,13 +17,14 @@ GRAVITY = 9.81
 
 class Water(Protocol):
     """Particles in a box of `size` [m] at `time` [s]; count: number of particles; steps,
-    iterations: totals since the start."""
+    iterations: totals since the start; free(x, margin): whether points are outside bodies."""
 
     size: tuple[float, float, float]
     time: float
     count: int
     steps: int
     iterations: int
+    free: Callable[[np.ndarray, float], np.ndarray] | None = None
 
     def positions(self) -> np.ndarray:
         """Returns the positions of the particles, (n, 3) [m]."""
@@ -49,6 +53,14 @@ class Water(Protocol):
     def masses(self) -> np.ndarray:
         """Returns the masses of the particles, (n,) [kg]."""
         return 1000.0 * self.spacings() ** 3
+
+    def kernel_density(self) -> KernelDensity:
+        """Returns the kernel density error (-)."""
+        return kernel_density(self.positions(), self.spacings(), self.size)
+
+    def bulk_density(self) -> float:
+        """Returns the mean bulk density over the rest density (-)."""
+        return bulk_density(self.positions(), self.spacings(), self.size, self.free).mean
 
     def centre(self) -> np.ndarray:
         """Returns the centre of mass, (3,) [m]."""
@@ -86,6 +98,7 @@ class Ours(Water):
     count = property(lambda self: self.simulation.particles.count)
     steps = property(lambda self: self.simulation.steps)
     iterations = property(lambda self: self.simulation.iterations)
+    free = property(lambda self: self.simulation.boundary.free)
 
     def positions(self) -> np.ndarray:
         return self.simulation.particles.numpy("x").astype(float)

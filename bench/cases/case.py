@@ -14,7 +14,6 @@ from bench import tanks
 from bench.peer_splishsplash import Dfsph
 from bench.water import Ours, Water
 from msph.fluid.simulation import Simulation
-from msph.measure.kernel_density import kernel_density
 from msph.scene.build import build_simulation
 from msph.scene.schema import Scene
 
@@ -139,7 +138,7 @@ class Run:
         self.p99.append(float(np.percentile(excess, 99.0)))
         self.largest.append(float(excess.max()))
         if len(self.residual) % KERNEL_EVERY == 1:
-            found = kernel_density(self.water.positions(), self.water.spacings(), self.water.size)
+            found = self.water.kernel_density()
             self.kernel.append((found.mean, found.p99))
 
     @property

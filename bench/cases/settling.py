@@ -2,7 +2,6 @@
 
 from bench import tanks
 from bench.cases.case import Case, Run, Setting, begin, tank
-from msph.measure.bulk import bulk_density
 
 FOOTPRINT, DEPTH, AIR = (0.5, 0.5), 0.5, 0.3
 # Range of the initial displacements, in spacings: the maximum of the parameter `jitter`.
@@ -15,12 +14,10 @@ def measure(setting: Setting) -> tuple[Run, dict[str, float]]:
     run = begin(setting, tank(setting, FOOTPRINT, DEPTH, AIR, jitter=JITTER))
     reading = tanks.Reading(run.water)
     run.go(SECONDS, reading.read)
-    water = run.water
-    bulk = bulk_density(water.positions(), water.spacings(), water.size).mean
     whole = 1000.0 * tanks.GRAVITY * DEPTH * DEPTH * FOOTPRINT[0] * FOOTPRINT[1]
     return run, {
         "height": abs(reading.volume_error()),
-        "bulk_density": abs(bulk - 1.0),
+        "bulk_density": abs(run.water.bulk_density() - 1.0),
         "kinetic": reading.kinetic[-1] / whole,
         "energy_rise": reading.energy_rise(),
     }
