@@ -57,12 +57,6 @@ def run(
     return ledger, np.array(places), np.array(turns)
 
 
-def water_volume(sim: Simulation) -> float:
-    """Returns the volume of the water at rest [m^3]."""
-    specs = sim.layers.specs
-    return sum(n * s.mass / s.density for n, s in zip(sim.counts(), specs, strict=True))
-
-
 def draft(kind: str, density: float, layers: int, fine: float, seed: int) -> dict[str, Any]:
     """Returns the figures of a body that floats: mean error over the last BOBS [s] of the height
     of its waterline, over the body's height; fine [m]: finest spacing."""
@@ -76,7 +70,7 @@ def draft(kind: str, density: float, layers: int, fine: float, seed: int) -> dic
         corners = {"lo": [c - half for c in x], "hi": [c + half for c in x]}
         shape = {**corners, "spin": KICK, "axis": AXIS}
     sim = build(layers, [{**shape, "density": density}], seed, fine)
-    level = water_volume(sim) + volume(sim.boundary.bodies[0]) * density / 1000.0
+    level = tanks.water_volume(sim) + volume(sim.boundary.bodies[0]) * density / 1000.0
     level /= EDGE**2
     ledger, places, turns = run(sim, TURNING if kind == "cube" else AFLOAT)
     last = round(BOBS / tanks.FRAME)
@@ -135,7 +129,7 @@ def heave(
         bodies = [ball | {"release": HELD}]
         tank = tanks.tank((width, width), DEEP, fine, layers, 0.4, bodies=bodies, **options)
         sim = tanks.build(tank)
-        return sim, (water_volume(sim) + MASS / KRAMER_WATER) / width**2 + RADIUS - draft
+        return sim, (tanks.water_volume(sim) + MASS / KRAMER_WATER) / width**2 + RADIUS - draft
 
     sim, rest = held(full)
     entries = tanks.recorded(sim, HELD, lambda time: external).entries

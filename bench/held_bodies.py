@@ -10,7 +10,9 @@ import numpy as np
 import trimesh
 
 from bench import tanks
+from msph.fluid.boundary.rigid_bodies import volume
 from msph.fluid.external_forces import ExternalForces
+from msph.fluid.simulation import Simulation
 from msph.measure.ledger import Ledger
 from msph.measure.snapshot import Snapshot
 
@@ -45,9 +47,11 @@ SPANS = [
 ]
 # Name of the vertical force on a body.
 WEIGHT = "force over displaced weight"
+# No points, (0, 3).
+NOWHERE = np.zeros((0, 3))
 
 
-def still_water(bodies: list[dict[str, Any]], layers: int, seed: int = 0) -> Any:
+def still_water(bodies: list[dict[str, Any]], layers: int, seed: int) -> Simulation:
     """Returns a simulation of a tank of still water with bodies."""
     tank = tanks.tank((EDGE, EDGE), DEPTH, FINE, layers, air=0.15, seed=seed, bodies=bodies)
     return tanks.build(tank)
@@ -60,7 +64,7 @@ def sphere(n: int) -> np.ndarray:
     return np.column_stack([ring * np.cos(turn), y, ring * np.sin(turn)])
 
 
-def settle(sim: Any, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, Ledger]:
+def settle(sim: Simulation, points: np.ndarray = NOWHERE) -> tuple[np.ndarray, np.ndarray, Ledger]:
     """Runs a simulation; returns the mean pressures [Pa] at points (n, 3) [m] and the mean force
     on the bodies [N] after the water has settled, and the ledger of the whole run."""
     frames, readings = round(SECONDS / tanks.FRAME), []
@@ -69,7 +73,7 @@ def settle(sim: Any, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, Ledger
     def read() -> None:
         frame = round(sim.time / tanks.FRAME)
         if frame > settled and frame % 6 == 0:
-            readings.append(Snapshot.of(sim).pressures(points) if len(points) else [])
+            readings.append(Snapshot.of(sim).pressures(points))
 
     ledger = tanks.recorded(sim, SECONDS, read=read)
     first, last = ledger.entries[settled], ledger.entries[-1]
@@ -102,35 +106,28 @@ def worst_side(ratio: np.ndarray, normals: np.ndarray) -> float:
 
 def faces(kind: str, water: str, seed: int) -> dict[str, float]:
     """Returns the figures of the pressures on a body in still water."""
-    layers, sunk = WATERS[water], 0.0
+    ball, mesh = kind.endswith("ball"), kind.startswith("mesh")
     lo, hi = np.array(MIDDLE) - HALF, np.array(MIDDLE) + HALF
-    mesh = kind.startswith("mesh")
-    if kind.endswith("ball"):
-        normals = sphere(60)
-        points, areas = np.array(MIDDLE) + RADIUS * normals, 4.0 * math.pi * RADIUS**2 / 60
+    if ball:
         body: dict[str, Any] = {"centre": MIDDLE, "radius": RADIUS}
         shape = trimesh.creation.icosphere(4, radius=RADIUS).apply_translation(MIDDLE)
-        sunk, area = 4.0 / 3.0 * math.pi * RADIUS**3, EDGE**2
+        normals = sphere(60)
+        points, areas = np.array(MIDDLE) + RADIUS * normals, 4.0 * math.pi * RADIUS**2 / 60
         if mesh:  # its faces lie inside the ball
             points, normals, areas = shape.triangles_center, shape.face_normals, shape.area_faces
-            sunk = shape.volume
     else:
         points, normals = pillar_points(lo, hi)
-        areas = math.nan
-        body = {"lo": [lo[0], 0.0, lo[2]], "hi": [hi[0], DEPTH + 0.1, hi[2]]}
-        below = 0.1  # a mesh on the floor should reach into it
-        shape = trimesh.creation.box((2.0 * HALF, DEPTH + 0.1 + below, 2.0 * HALF))
-        shape.apply_translation((MIDDLE[0], 0.5 * (DEPTH + 0.1 - below), MIDDLE[2]))
-        area = EDGE**2 - 4.0 * HALF**2
-    if mesh:
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder) / "body.obj"
-            shape.export(file)
-            sim = still_water([{"mesh": str(file)}], layers, seed)
-    else:
-        sim = still_water([body], layers, seed)
-    mass = sum(n * spec.mass for n, spec in zip(sim.counts(), sim.layers.specs, strict=True))
-    level = (mass / 1000.0 + sunk) / area
+        lo[1], hi[1] = 0.0, DEPTH + 0.1
+        body = {"lo": lo.tolist(), "hi": hi.tolist()}
+        # A mesh on the floor should reach into it.
+        shape = trimesh.creation.box(bounds=[lo - [0.0, 0.1, 0.0], hi])
+    with tempfile.TemporaryDirectory() as folder:
+        if mesh:
+            body = {"mesh": str(Path(folder) / "body.obj")}
+            shape.export(body["mesh"])
+        sim = still_water([body], WATERS[water], seed)
+    sunk, area = (volume(sim.boundary.bodies[0]), 0.0) if ball else (0.0, 4.0 * HALF**2)
+    level = (tanks.water_volume(sim) + sunk) / (EDGE**2 - area)
     found, force, ledger = settle(sim, points)
     ratio = found / (1000.0 * tanks.GRAVITY * (level - points[:, 1])) - 1.0
     row = {
@@ -140,19 +137,22 @@ def faces(kind: str, water: str, seed: int) -> dict[str, float]:
         "worst point": ratio[np.abs(ratio).argmax()],
         "energy rise in 1 s": ledger.energy_rise(),
     }
-    if sunk:
+    if ball:
         integral = -np.sum(found * normals[:, 1] * areas)
-        row[WEIGHT] = force[1] / (1000.0 * tanks.GRAVITY * sunk)
+        row[WEIGHT] = force[1] / displaced_weight(sim)
         row["pressure integral over force"] = integral / force[1] - 1.0
     return row
+
+
+def displaced_weight(sim: Simulation) -> float:
+    """Returns the weight of the water that the body displaces [N]."""
+    return 1000.0 * tanks.GRAVITY * volume(sim.boundary.bodies[0])
 
 
 def buoyancy(radius: float, seed: int) -> dict[str, float]:
     """Returns the force on a submerged ball of `radius` [m]."""
     sim = still_water([{"centre": MIDDLE, "radius": radius}], 1, seed)
-    _, force, _ = settle(sim, np.zeros((0, 3)))
-    weight = 1000.0 * tanks.GRAVITY * 4.0 / 3.0 * math.pi * radius**3
-    return {WEIGHT: force[1] / weight}
+    return {WEIGHT: settle(sim)[1][1] / displaced_weight(sim)}
 
 
 def at_wall(kind: str, gap: float, seed: int) -> dict[str, float]:
@@ -162,13 +162,12 @@ def at_wall(kind: str, gap: float, seed: int) -> dict[str, float]:
         # A swing with an amplitude of 1e-9 m, since a moving box is not extended into the wall.
         lo, hi = [near, 0.1, 0.2], [near + 0.2, 0.3, 0.4]
         body: dict[str, Any] = {"lo": lo, "hi": hi, "swing": [1e-9, 0, 0]}
-        displaced = 0.2**3
     else:
         place = [EDGE / 2, near + RADIUS, EDGE / 2]
         body = {"centre": place if kind == "ball on the floor" else [place[1], 0.2, place[0]]}
-        body["radius"], displaced = RADIUS, 4.0 / 3.0 * math.pi * RADIUS**3
-    _, force, _ = settle(still_water([body], 1, seed), np.zeros((0, 3)))
-    force = force / (1000.0 * tanks.GRAVITY * displaced)
+        body["radius"] = RADIUS
+    sim = still_water([body], 1, seed)
+    force = settle(sim)[1] / displaced_weight(sim)
     return {"vertical": force[1], "away from the wall": force[0]}
 
 
@@ -183,7 +182,6 @@ def moving(kind: str, seed: int) -> dict[str, float]:
     else:
         centre, path, axis = [gap + RADIUS, 0.2, (EDGE - WAY) / 2], ["0", "0", way], 0
     body = {"centre": centre, "radius": RADIUS, "displacement": path}
-    weight = 1000.0 * tanks.GRAVITY * 4.0 / 3.0 * math.pi * RADIUS**3
     sim = still_water([body], 1, seed)
     tanks.run(sim, HELD)
     found = {}
@@ -191,7 +189,7 @@ def moving(kind: str, seed: int) -> dict[str, float]:
         begin, impulse = sim.time, float(sim.boundary.impulse[0, axis])
         tanks.run(sim, MEAN)
         force = (float(sim.boundary.impulse[0, axis]) - impulse) / (sim.time - begin)
-        found[name] = force / weight
+        found[name] = force / displaced_weight(sim)
     return found
 
 
@@ -202,11 +200,8 @@ def collapse(ratio: float, seed: int) -> dict[str, float]:
     ball = {"centre": [0.4, 0.1, 0.35], "radius": ratio * spacing}
     water = {"lo": [0, 0, 0], "hi": [0.3, 0.4, EDGE]}
     sim = tanks.build(tanks.scene([EDGE] * 3, spacing, 1, [water], seed=seed, bodies=[ball]))
-    ledger = Ledger(sim)
-    ledger.record(SLANTED)
-    for _ in range(round(SECONDS / tanks.FRAME)):
-        sim.advance(tanks.FRAME, ExternalForces(SLANTED))
-        ledger.record(SLANTED)
+    slanted = ExternalForces(SLANTED)
+    ledger = tanks.recorded(sim, SECONDS, lambda time: slanted, density_every=0.0)
     return {
         "energy rise in 1 s": ledger.energy_rise(),
         "solver residual, 99th percentile": ledger.solver_residual()[1],

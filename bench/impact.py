@@ -6,18 +6,16 @@ converges, and so does the mean pressure over a time in which several layers of 
 Sensors read 0 while they are dry.
 """
 
-import math
 from functools import partial
 
 import numpy as np
 
+from bench import tanks
 from bench.tables import Bench, Table
 from msph.measure.probes import PressureProbe
 from msph.measure.snapshot import Snapshot
 from msph.scene import load_scene
 from msph.scene.schema import Scene
-from msph.stage.controls import Controls
-from msph.stage.show import Show
 
 # Factors of the scene's spacings (-), and times between readings [s], which limit the time steps.
 RUNS = ((1.26, 0.004), (1.0, 0.004), (0.8, 0.004), (0.63, 0.004), (1.0, 0.002), (1.0, 0.001))
@@ -55,19 +53,21 @@ def run(factor: float, every: float, seed: int) -> list[dict[str, str | float]]:
     [kPa], and impulse [kPa s]."""
     scene = load_scene("dam_break", (f"seed={seed}",))
     layers = [s.model_copy(update={"spacing": factor * s.spacing}) for s in scene.layers]
-    scene = scene.model_copy(update={"layers": layers})
-    show, probes = Show(scene, every, density_every=math.inf), sensors(scene)
-    particles, readings = sum(show.counts), []
-    while show.simulation.time < SECONDS:
-        show.frame(Controls())
-        water = Snapshot.of(show.simulation)
+    sim = tanks.build(scene.model_copy(update={"layers": layers}))
+    particles, readings = sim.particles.count, []
+    probes = sensors(scene)
+
+    def record() -> None:
+        water = Snapshot.of(sim)
         readings.append([probe.read(water)[0] for probe in probes])
+
+    tanks.recorded(sim, SECONDS, read=record, frame=every)
     read = 1e-3 * np.nan_to_num(np.array(readings))
     return [
         {
             "height of the sensor, m": f"{height}",
             "particles": particles,
-            "steps": show.simulation.steps,
+            "steps": sim.steps,
             "highest reading, kPa": float(read[:, k].max()),
             **{mean_over(w): highest_mean(read[:, k], every, w) for w in WINDOWS},
             "impulse, kPa s": float(read[:, k].sum() * every),

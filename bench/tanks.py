@@ -227,10 +227,11 @@ def recorded(
     ),
     read: Callable[[], None] = lambda: None,
     frame: float = FRAME,
+    density_every: float = math.inf,
 ) -> Ledger:
     """Advances a simulation under forces(time), and calls read() after each frame; returns the
-    ledger of the run, without density errors."""
-    ledger = Ledger(sim, density_every=math.inf)
+    ledger of the run, by default without solver residuals."""
+    ledger = Ledger(sim, density_every)
     ledger.record(forces(sim.time).gravity)
     for _ in range(round(seconds / frame)):
         given = forces(sim.time)
@@ -245,6 +246,12 @@ def build(scene: Scene) -> Simulation:
     sim = build_simulation(scene)
     sim.record_forces()
     return sim
+
+
+def water_volume(sim: Simulation) -> float:
+    """Returns the volume of the water at rest [m^3]."""
+    specs = sim.layers.specs
+    return sum(n * s.mass / s.density for n, s in zip(sim.counts(), specs, strict=True))
 
 
 def milliseconds(work: Callable[[], object]) -> float:
