@@ -181,7 +181,6 @@ def test_images_fill_a_plane_body_exactly_and_a_ball_nearly() -> None:
 
 @pytest.mark.parametrize(("window", "mean"), [(1.0, 4.0), (2.0, 4.0), (2.5, 3.2), (8.0, 1.0)])
 def test_mean_pressures_are_over_the_whole_averaging_time(window, mean):
-    """Readings of 4 Pa during 2 s, dry before and after."""
     readings = np.array([0.0, 0.0, 4.0, 4.0, 0.0])
     assert impact.highest_mean(readings, 1.0, window) == pytest.approx(mean)
 

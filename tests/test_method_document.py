@@ -15,7 +15,6 @@ def plain(name: str) -> str:
 
 
 def test_algorithm_has_the_calls_of_a_step_in_their_order():
-    """The box of "A step" lists the calls of Projection.step, in the same order."""
     tree = ast.parse(SOLVER.read_text(encoding="utf-8"))
     step = next(n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef) and n.name == "step")
     calls = [n for n in ast.walk(step) if isinstance(n, ast.Call)]
@@ -30,7 +29,6 @@ def test_algorithm_has_the_calls_of_a_step_in_their_order():
 
 
 def test_titles_that_code_refers_to_exist():
-    """Each `docs/method.md, "Title"` in code names a section or a paragraph of the document."""
     quoted = re.compile(r'docs/(\w+)\.md,\s+(?:#\s*)?"([^"]+)"')
     found = 0
     for path in [*ROOT.glob("msph/**/*.py"), *ROOT.glob("bench/**/*.py")]:
@@ -42,7 +40,6 @@ def test_titles_that_code_refers_to_exist():
 
 
 def test_trials_have_the_titles_of_the_method():
-    """docs/trials.md uses the section titles of docs/method.md."""
     trials = (ROOT / "docs" / "trials.md").read_text(encoding="utf-8")
     titles = re.findall(r"^## .+$", trials, re.MULTILINE)
     assert titles and set(titles) <= set(re.findall(r"^## .+$", TEXT, re.MULTILINE))

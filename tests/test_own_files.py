@@ -167,14 +167,6 @@ def test_free_stems_are_numbered(tmp_path):
     assert free_stem(tmp_path, "pool") == "pool_3"
 
 
-def test_a_failed_write_leaves_the_old_file(tmp_path):
-    path = tmp_path / "a.json"
-    replace(path, "old")
-    with pytest.raises(UnicodeEncodeError):
-        replace(path, "new \ud800")
-    assert path.read_text() == "old"
-
-
 def test_a_full_disk_is_reported_and_leaves_no_partial_file(tmp_path):
     """Regression: a partial checkpoint was left, and the error named no file."""
     path = tmp_path / "checkpoint.npz"

@@ -189,7 +189,6 @@ def test_impossible_numbers_of_the_solver_are_refused(still, name):
 @examples(60)
 @given(st.data())
 def test_a_changed_checkpoint_is_restored_or_gives_one_line(still, data):
-    """A checkpoint with one changed entry is refused, or the simulation continues from it."""
     simulation, state = still
     name = data.draw(st.sampled_from(sorted(state)))
     change = data.draw(st.sampled_from(["fill", "scale", "kind", "shape", "missing", "one"]))

@@ -19,7 +19,6 @@ def test_pairs_at_one_position_pass():
 
 
 def test_violations_are_reported():
-    """With pairs at one position the classic method violates the limit of energy or density."""
     case = CASES["pairs at one position"]
     found = stability.run(short(case), "classic")
     assert any(

@@ -116,7 +116,6 @@ def test_water_in_the_air_has_relief_and_calm_water_has_none():
 
 
 def test_dropped_simulations_return_their_fields():
-    """A simulation that is dropped without close() does not keep its fields."""
     from msph.fluid import world
 
     with msph.open(POOL):

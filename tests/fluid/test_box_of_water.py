@@ -215,11 +215,8 @@ def test_a_time_step_of_zero_raises_a_blow_up_error(tank, rate):
 
 
 def test_excess_pressure_behind_a_floor_does_not_act_on_unlike_particles_that_rise(tank):
-    """The excess pressure of images bears half the weight of the lowest particles, and nothing of
-    particles that rise among neighbours of another size.
-
-    Regression: 33 coarse particles bounced under fine ones, and the energy grew by 0.15 % in 1 s.
-    """
+    """Images bear half the weight of other lowest particles. Regression: 33 coarse
+    particles bounced under fine ones, and the energy grew by 0.15 % in 1 s."""
     sim, _ = tank
     sim.reset()
     advance(sim, 20)
@@ -244,7 +241,6 @@ def test_excess_pressure_behind_a_floor_does_not_act_on_unlike_particles_that_ri
 
 @pytest.mark.parametrize("smoothing", [2.0, 2.45, 3.0])
 def test_air_share_and_slope_of_a_lattice_surface_equal_brute_force(smoothing):
-    """lattice_surface() returns the missing share and the slope of sums in the topmost sheet."""
     below = np.indices((9, 5, 9)).reshape(3, -1).T - 4.0  # 0 lies in the topmost sheet
     bulk = np.indices((9, 9, 9)).reshape(3, -1).T - 4.0
     share, slope = lattice_surface(smoothing)

@@ -8,7 +8,7 @@ import pytest
 from msph.fluid.classic_parameters import ClassicParameters
 from msph.fluid.external_forces import ExternalForces, Hand
 from msph.fluid.particles.layers import LayerSpec
-from tests.fluid.fluid_kit import advance, ball, lattice, masses, poly6, simulate
+from tests.fluid.fluid_kit import advance, ball, lattice, masses, poly6, simulate, spec_of
 
 SIZE = (0.8, 0.8, 0.8)
 MASSES = (0.05, 0.2)
@@ -86,10 +86,7 @@ def test_densities_and_forces_equal_the_formulas(name):
 
 
 def test_stiffness_and_viscosity_change_in_a_running_simulation():
-    """New values act at once, except on the second layer, which has its own viscosity.
-
-    Regression: both values were compiled in.
-    """
+    """The second layer has its own viscosity. Regression: both values were compiled in."""
     terms = ClassicParameters()
     specs = [spec(MASSES[0], terms.viscosity), spec(MASSES[1], 3.0)]
     sim = simulate(SIZE, specs, **cloud(), terms=terms)
@@ -116,8 +113,7 @@ def pair_force_sum(terms):
 
 
 def test_only_symmetrised_pressures_conserve_momentum_across_layers():
-    """Pair forces of (27) are not antisymmetric across layers, as the thesis states; pair forces
-    with symmetrised pressures are."""
+    """The thesis states that pair forces of (27) are not antisymmetric across layers."""
     assert pair_force_sum(SWITCHES["formula"]) > 1e-3
     assert pair_force_sum(SWITCHES["clamped squared"]) < 1e-5
 
@@ -214,9 +210,8 @@ def test_only_squared_pressures_carry_the_hydrostatic_weight(column):
 
 
 def test_attraction_pulls_the_surface_inwards():
-    """With the colour term alone, the surface of a ball of water is pulled towards its middle."""
     terms = ClassicParameters(stiffness=1e-6, attraction=50.0)
-    sim = simulate(SIZE, [LayerSpec(1000.0 * D**3, 1000.0, 2.0)], ball(0.4, 0.1, D), terms=terms)
+    sim = simulate(SIZE, [spec_of(D, 2.0)], ball(0.4, 0.1, D), terms=terms)
     sim.solver.find_accelerations()
     outward = sim.particles.numpy("x") - 0.4
     a = sim.particles.numpy("acceleration")

@@ -85,7 +85,6 @@ def world():
 @pytest.mark.parametrize("serial", [True, False])
 @pytest.mark.parametrize("length", [1, CHUNKS - 1, CHUNKS, CHUNKS + 1, 5 * CHUNKS + 17])
 def test_scan_is_the_cumulative_sum(length, serial):
-    """The scan equals the cumulative sum on one thread and in chunks shared by threads."""
     counts = np.random.default_rng(length).integers(0, 9, length).astype(np.int32)
     source, target = ti.field(ti.i32, shape=length), ti.field(ti.i32, shape=length + 1)
     source.from_numpy(counts)

@@ -46,8 +46,7 @@ def simulation(x, layer, size, bodies):
 
 @pytest.mark.parametrize(("axis", "far"), [(0, False), (0, True), (1, False), (2, True)])
 def test_a_block_along_a_wall_mirrors_as_the_wall_does(axis, far):
-    """Density, gradient and diagonal equal those at a wall in place of the block's mirror, also in
-    its edges with the other walls."""
+    """Also in the block's edges with the other walls."""
     x, layer = water((8, 6, 7))
     size, thick = np.array((8, 12, 7)) * D, 5.0 * D
     found = []
@@ -84,8 +83,7 @@ def test_images_sum_to_the_share_and_only_particles_at_faces_have_links():
 
 @pytest.mark.parametrize("counts", [(12, 12, 12), (4, 4, 200), (3, 3, 400), (4, 24, 24)])
 def test_images_complete_the_neighbours_of_a_lattice_between_walls(counts):
-    """Everywhere as many neighbours and images as inside a lattice, also in edges, corners and
-    ducts; the estimated number of places suffices."""
+    """Also in edges, corners and ducts; the estimated number of places suffices."""
     x, layer = water(counts, disturbance=0.0)
     size = tuple(D * np.array(counts))
     sim = simulation(x, 0 * layer, size, [])

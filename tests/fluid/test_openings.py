@@ -102,7 +102,6 @@ def test_openings_out_of_reach_hide_no_image(through_flow):
 
 
 def test_energy_that_enters_is_recorded():
-    """The energy of single particles that enter and fall freely is recorded to rounding."""
     settled, radius = 0.5, 0.02
     tap = Opening(
         np.array([0.2, 0.27, 0.2]), DOWN, (radius, radius), True,

@@ -62,7 +62,6 @@ def test_velocity_exchange_of_crowds_adds_no_energy(collision):
 
 
 def test_relative_speed_is_the_largest_past_neighbours_and_walls(collision):
-    """The relative speeds of colliding balls, one of them at a wall, equal brute force."""
     advance(collision, 6, WEIGHTLESS)
     solver, p = collision.solver, collision.particles
     x = p.numpy("x")
@@ -79,11 +78,7 @@ def test_relative_speed_is_the_largest_past_neighbours_and_walls(collision):
 
 
 def test_background_pressure_is_weaker_in_calm_water(collision):
-    """The background pressure is full before time starts and where water moves FULL_MOTION per
-    step, and weaker in slower water.
-
-    Regression: with full background pressure, waves half a spacing high oscillated 5 % too slowly.
-    """
+    """Regression: with full pressure, waves half a spacing high oscillated 5 % too slowly."""
     p, dt = collision.particles, 1 / 300
     brisk = FULL_MOTION * max(s.spacing for s in collision.layers.specs) / dt
 

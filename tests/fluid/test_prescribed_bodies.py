@@ -7,14 +7,14 @@ import trimesh
 
 from msph.fluid.boundary.body_shapes import BEGIN
 from msph.fluid.boundary.mesh_samples import CELL
-from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion, Solid
+from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion
 from msph.fluid.boundary.sampled_fields import SampleLattice
 from msph.fluid.boundary.signed_distance import signed_distance
 from msph.fluid.boundary.volume_map import kernel_share
 from msph.fluid.boundary.wall_integrals import ball_share, block_share, wall_support
 from msph.fluid.external_forces import ExternalForces
 from msph.measure.ledger import Ledger
-from tests.boundary_kit import boundary_of
+from tests.boundary_kit import boundary_of, solid
 from tests.fluid.fluid_kit import block_of, record, simulate, spec_of
 
 D = 0.05
@@ -22,10 +22,6 @@ FINE, COARSE = (spec_of(d, 2.0) for d in (D, 1.6 * D))
 H = wall_support(FINE)
 SIZE = (1.0, 1.0, 1.0)
 MIDDLE = np.array((0.5, 0.5, 0.5))
-
-
-def solid(mesh, move=(0.0, 0.0, 0.0), **options):
-    return Solid(np.array(mesh.vertices) + np.array(move), np.array(mesh.faces), **options)
 
 
 def kernel_points(n=48):
@@ -190,8 +186,7 @@ def test_container_shaped_like_a_box_holds_water_as_the_box_does():
 
 
 def test_share_of_all_bodies_has_its_own_gradient_and_the_kernels_value():
-    """Shares of a block, a ball and a mesh of a ball that are apart equal brute force for the
-    coarse layer, and their gradients equal finite differences."""
+    """Bodies that are apart: brute force for the coarse layer, and finite differences."""
     bodies = [
         Block(np.array((0.1, 0.1, 0.1)), np.array((0.3, 0.4, 0.3))),
         Ball(np.array((0.75, 0.7, 0.7)), 0.13),

@@ -167,11 +167,7 @@ def test_error_of_the_pressure_solve_is_a_small_share_of_the_speed(collision, dr
 
 
 def test_pair_spacing_equals_brute_force(collision):
-    """The pair spacing is the spacing among equal particles, and larger for a fine particle among
-    coarse ones.
-
-    Regression: a fine particle drawn down among coarse ones halved all time steps of a pool.
-    """
+    """Regression: a fine particle drawn down among coarse ones halved all time steps of a pool."""
     advance(collision, 6, WEIGHTLESS)
     p, layer = collision.particles, collision.particles.numpy("layer")
     collision.measure_density()
@@ -198,7 +194,6 @@ def test_water_in_uniform_motion_may_move_farther_in_a_step(collision):
 
 @pytest.mark.parametrize("off", (0.8, 1.25))
 def test_pressure_solve_scales_its_start(collision, off):
-    """A start that equals the solution times a factor is scaled to the solution."""
     advance(collision, 3, WEIGHTLESS)
     solver, p, dt = collision.solver, collision.particles, 1 / 300
     solver.measure_density()

@@ -96,8 +96,7 @@ def test_momentum_leaves_with_the_water():
 
 
 def test_neighbours_above_the_rim_are_complete_and_mutual():
-    """Neighbours are complete also for particles above the grid; images are mutual, and particles
-    above the rim have none."""
+    """Some particles are above the grid, and particles above the rim have no images."""
     rng = np.random.default_rng(3)
     x = rng.uniform((0.0, 0.2, 0.0), (0.4, 0.7, 0.4), (400, 3)).astype(np.float32)
     sim = tank(0.2, x=x)
@@ -129,7 +128,6 @@ def test_water_spills_from_adaptive_layers():
 
 
 def test_water_that_never_returns_is_spilt():
-    """Under upward gravity all particles are spilt, and AllSpiltError ends the run."""
     sim = tank(0.08)
     with pytest.raises(AllSpiltError):
         run(sim, 90, (0.0, 20.0, 0.0))

@@ -93,7 +93,6 @@ def expected(x, p, gravity=0.0):
 
 @pytest.mark.parametrize("gravity", (0.0, 9.81))
 def test_shear_relief_is_the_mean_deviator_of_the_virial_stress(cube, gravity):
-    """Shear relief equals brute force over all pairs and images under a pressure that varies."""
     cube.reset()
     external = ExternalForces((0.0, -gravity, 0.0))
     found = accelerated(

@@ -59,10 +59,7 @@ def test_piston_over_half_of_the_box_traps_no_water(tmp_path):
 
 @pytest.mark.parametrize("motion", MOTIONS)
 def test_piston_is_stopped_by_stop_bodies_and_no_water_is_lost(tmp_path, motion):
-    """The water that is left stays calm, although it is up to 10 % too dense.
-
-    Regression: without room it gained energy in bursts of up to 25 kJ.
-    """
+    """Regression: without room the water gained energy in bursts of up to 25 kJ."""
     show = Show(load(tmp_path, PISTON, *MOTIONS[motion]), 1 / 60, stop_bodies=True)
     count = show.simulation.particles.count
     run(Row([show]), Headless(90))

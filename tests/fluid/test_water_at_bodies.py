@@ -7,8 +7,9 @@ import trimesh
 from bench import tanks
 from bench.held_bodies import sphere
 from msph.fluid.boundary.body_faces import samples
-from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
+from msph.fluid.boundary.rigid_bodies import Ball, Block
 from msph.measure.snapshot import Snapshot
+from tests.boundary_kit import solid
 from tests.fluid.fluid_kit import advance, block_of, record, simulate, spec_of
 
 D, RADIUS, DEPTH = 0.04, 0.1, 0.4
@@ -21,12 +22,8 @@ SUNK = 4.0 / 3.0 * np.pi * RADIUS**3  # volume of the ball, and nearly of the me
 @pytest.fixture(scope="module")
 def pool():
     """Returns water with a standing pillar, a submerged ball and a submerged mesh of a ball."""
-    mesh = trimesh.creation.icosphere(3, radius=RADIUS)
-    bodies = [
-        Block(*PILLAR),
-        Ball(BALL, RADIUS),
-        Solid(np.array(mesh.vertices) + MESH, np.array(mesh.faces)),
-    ]
+    mesh = solid(trimesh.creation.icosphere(3, radius=RADIUS), MESH)
+    bodies = [Block(*PILLAR), Ball(BALL, RADIUS), mesh]
     x = block_of((SIZE[0], DEPTH, SIZE[2]), D)
     return simulate(SIZE, [spec_of(D)], x, bodies=bodies)
 
@@ -91,7 +88,7 @@ def test_water_under_slanted_gravity_gains_no_energy_from_bodies(pool):
 def test_samples_of_a_mesh_are_spread_evenly_whatever_its_triangles(fineness):
     """Regression: each of the duck's 5,690 triangles was a sample, of 2,000 that have room."""
     mesh, edge, most = trimesh.creation.icosphere(fineness, radius=RADIUS), 0.3 * RADIUS, 1500
-    ball = Solid(np.array(mesh.vertices) + MESH, np.array(mesh.faces))
+    ball = solid(mesh, MESH)
     points, areas = samples(ball, edge, most)
     assert mesh.area / edge**2 < len(points) < most
     assert np.abs(areas.sum(axis=0)).max() < 1e-9 * mesh.area

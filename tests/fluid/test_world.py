@@ -32,8 +32,6 @@ def run(name, *overrides, frames=2):
 
 
 def test_results_do_not_depend_on_scenes_run_before():
-    """Results are equal bit for bit before and after scenes with bodies, layers, viscosity, the
-    classic method and more particles have used the fields."""
     names = ("still", "pillar", "pool")
     before = [run(name) for name in names]
     for other in ("bowl", "drop", "honey", "pool_2x"):
@@ -48,7 +46,6 @@ def test_results_do_not_depend_on_scenes_run_before():
 
 @pytest.mark.skipif(PLAIN, reason="plain Taichi does not tell of kernels")
 def test_scenes_share_kernels():
-    """After one scene of each kind has run, no other scene compiles a kernel of the fluid."""
     for kind in ("drop", "bowl", "honey", "pool", "waves", "fountain", "lock"):
         run(kind, frames=1)
     compiled = []
@@ -122,7 +119,6 @@ def test_capacities_grow_separately_and_up_to_the_range_of_indices():
 
 
 def test_sixty_four_bodies_and_a_container_fit():
-    """A scene with the largest allowed number of bodies runs."""
     balls = [
         {"centre": [0.2 + 0.02 * (k % 8), 0.3, 0.2 + 0.02 * (k // 8)], "radius": 0.03}
         for k in range(64)

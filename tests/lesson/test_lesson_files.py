@@ -120,7 +120,7 @@ def test_numbers_are_shown_with_their_label_and_unit(tmp_path):
 
 
 def test_named_values_are_shown_by_name(tmp_path):
-    """Named values are displayed by name. Regression: the lesson asked for scene 2, quality 4."""
+    """Regression: the lesson asked for scene 2, quality 4."""
     progress = LessonProgress(load_lesson("choosing"), None)
     assert progress.reading("scene", 2.0) == "dam break"
     assert progress.reading("quality", 4.0) == "finest"

@@ -74,7 +74,7 @@ def test_a_page_has_the_start_and_the_solution_of_a_slider_with_many_steps():
 
 
 def test_pages_with_videos_ask_for_no_input():
-    """Texts next to videos ask for no input. Regression: they told the reader to press keys."""
+    """Regression: texts next to videos told the reader to press keys."""
     asks = re.compile(
         r"\b(press|keys?|drag|sliders?|mouse)\b|(^|[.:,] )(set|tilt|push|raise|lower|turn)\b",
         re.IGNORECASE,

@@ -21,7 +21,6 @@ def lattice(height, d, base=0.0):
 
 @pytest.mark.parametrize("height", [0.32, 0.8])
 def test_bulk_density_of_a_lattice_at_rest_is_one_up_to_the_walls(height):
-    """The mean bulk density is 1 in water 8 particles deep and in a full box."""
     found = bulk_density(*lattice(height, D), SIZE)
     assert found.points > 300
     assert found.mean == pytest.approx(1.0, abs=2e-4)
@@ -81,7 +80,6 @@ def test_bulk_density_of_very_shallow_water_is_unknown():
 
 
 def test_narrower_kernels_measure_shallow_water():
-    """Water 5 particles deep, too shallow for the widest kernel, has its bulk density."""
     assert bulk_density(*lattice(0.2, D), SIZE).mean == pytest.approx(1.0, abs=2e-3)
     x, d = lattice(0.2, D)
     assert bulk_density(x, d * 1.1 ** (1 / 3), SIZE).mean == pytest.approx(1.1, abs=3e-3)

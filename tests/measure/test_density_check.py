@@ -38,7 +38,6 @@ def test_stand_alone_density_check_agrees_within_ten_percent(tmp_path, layers):
 
 
 def test_kernel_sums_equal_brute_force():
-    """Sums of particles of two sizes in a corner equal sums over all particles and images."""
     rng = np.random.default_rng(4)
     x, size = rng.uniform(0.0, 0.2, (40, 3)), (0.6, 0.6, 0.6)
     d = np.where(rng.random(40) < 0.5, 0.05, 0.08)

@@ -112,7 +112,6 @@ def test_energy_gains_are_unknown_under_surface_tension(tension):
 
 
 def test_added_water_is_recorded_and_overlaps_nothing(pool, monkeypatch):
-    """Mass, momentum and energy balance with the record of added water, before and after steps."""
     sim, ledger = pool
     monkeypatch.setattr(sim.particles, "capacity", sim.particles.count + 3)
     start, d = ledger.record(G), 0.05
@@ -143,8 +142,7 @@ def test_added_water_is_recorded_and_overlaps_nothing(pool, monkeypatch):
 
 @pytest.mark.parametrize("name", ["pool", "world"])
 def test_momentum_is_the_impulse_of_gravity_walls_and_the_hand(name, request):
-    """The momentum gained is M g t plus the impulses of walls, hand and pair forces, for particles
-    that fall, are dragged and hit walls; impulse and work of the hand are not zero."""
+    """Particles fall, are dragged and hit walls."""
     sim, ledger = request.getfixturevalue(name)
     start = ledger.record(G)
     hand = Hand(
@@ -218,8 +216,7 @@ def test_particles_that_are_not_finite_raise_an_error(world):
 
 
 def test_density_errors_refer_to_the_positions_at_the_end_of_a_frame(world):
-    """Residuals equal brute force at the positions at the end of the frame, although the last step
-    summed densities at earlier positions."""
+    """The last step summed densities at earlier positions."""
     sim, ledger = world
     state = sim.particles.state()
     state["x"] = (0.5 + 0.28 * (state["x"] - 0.5)).astype(np.float32)
@@ -292,7 +289,6 @@ def test_reference_energy_counts_height_above_the_lowest_corner(world):
 
 
 def test_the_hands_work_is_the_energy_it_gives(world):
-    """Without gravity, pair forces and walls, the kinetic energy gained is the hand's work."""
     sim, ledger = world
     state = sim.particles.state()
     far = {**state, "x": state["x"][:2], "v": state["v"][:2] * 0, "layer": state["layer"][:2]}

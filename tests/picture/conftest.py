@@ -6,13 +6,10 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 
 import taichi as ti
-from picture_kit import BOX, HEIGHT, WIDTH, Mesh, NoDrops
+from picture_kit import BOX, HEIGHT, LAYER, WIDTH, Mesh, NoDrops
 
-from msph.fluid.particles.layers import LayerSpec
 from msph.picture.picture import Picture
 from tests.boundary_kit import boundary_of
-
-LAYER = LayerSpec(1000.0 * 0.04**3, 1000.0, 2.0)
 
 
 @pytest.fixture(scope="session")

@@ -5,8 +5,10 @@ import taichi as ti
 
 from msph.picture.pixels import colours
 from msph.picture.rasteriser import NO_ITEM
+from tests.fluid.fluid_kit import spec_of
 
 BOX = (1.0, 0.8, 1.0)
+LAYER = spec_of(0.04, 2.0)
 LEVEL = 0.4
 WIDTH, HEIGHT = 320, 180
 

@@ -4,10 +4,9 @@ that its images do not depend on the images before them."""
 import numpy as np
 import pytest
 import taichi as ti
-from picture_kit import BOX, ball
+from picture_kit import BOX, LAYER, ball
 
 from msph.fluid.boundary.rigid_bodies import Ball
-from msph.fluid.particles.layers import LayerSpec
 from msph.launches import watch_compiling
 from msph.picture.camera import Camera
 from msph.picture.legend import Legend
@@ -53,9 +52,6 @@ def draw(picture, image, spheres):
     return shown
 
 
-SPECS = [LayerSpec(1000.0 * 0.04**3, 1000.0, 2.0)]
-
-
 BODIES = [[], [Ball(np.array((0.4, 0.3, 0.2)), 0.1)]]
 
 
@@ -64,7 +60,7 @@ def test_other_scenes_and_sizes_compile_no_kernels_and_repeat_their_images(
     picture, spheres, bodies
 ):
     picture.mesh.fill(*ball((0.3, 0.3, 0.35), 0.2))
-    boundary_of(FLAT, SPECS, bodies)
+    boundary_of(FLAT, [LAYER], bodies)
     first = draw(picture, IMAGES[-1], spheres)
     for image in IMAGES[:3]:
         draw(picture, image, spheres)

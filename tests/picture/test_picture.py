@@ -262,7 +262,6 @@ def every_pixel(mesh):
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [(0.02, 25.0), (0.004, 90.0)])
 def test_means_in_even_blocks_are_close_to_samples_of_every_pixel(picture, every_pixel, mesh, size):
-    """For long waves and steep ripples, the difference between the images is not visible."""
     height, number = size
     v, t, n = still_water(n=36)
     top = n[:, 1] > 0.5

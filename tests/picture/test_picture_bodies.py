@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 import taichi as ti
 import trimesh
-from picture_kit import ball, covered, draw, rays, still_water
+from picture_kit import LAYER, ball, covered, draw, rays, still_water
 
 from msph.fluid.boundary.body_faces import triangles_of
-from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion, Solid
-from msph.fluid.particles.layers import LayerSpec
+from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion
 from msph.picture.body_faces import KEY_BITS
 from msph.picture.body_paint import lattice
 from msph.picture.body_shading import BodyShading
@@ -19,10 +18,9 @@ from msph.picture.rasteriser import FAR, NO_ITEM
 from msph.picture.room import COARSE
 from msph.picture.shadows import SHARPNESS, SUN
 from msph.picture.tone import CLAY, linear
-from tests.boundary_kit import boundary_of
+from tests.boundary_kit import boundary_of, solid
 
 BOX = (1.0, 1.0, 1.0)
-LAYER = LayerSpec(1000.0 * 0.04**3, 1000.0, 2.0)
 BALL, RADIUS = np.array((0.3, 0.5, 0.5)), 0.15
 TUB, TUB_LID = 0.4, 0.25  # radius [m], height of the lid above the middle [m]
 SHELL, ROOM = np.array((0.5, 0.5, 0.5)), 0.45
@@ -33,9 +31,7 @@ VECTORS, NUMBERS = ti.types.ndarray(ti.math.vec3, 1), ti.types.ndarray(ti.f32, 2
 
 @pytest.fixture
 def boundary():
-    shell = trimesh.creation.icosphere(3, radius=ROOM)
-    shell.apply_translation(SHELL)
-    container = Solid(np.array(shell.vertices), np.array(shell.faces), container=True)
+    container = solid(trimesh.creation.icosphere(3, radius=ROOM), SHELL, container=True)
     return boundary_of(BOX, [LAYER], [Ball(BALL, RADIUS), container])
 
 
@@ -142,8 +138,7 @@ def slabs(p, r, lo, hi):
 
 def test_rays_meet_a_block_and_a_mesh_as_a_formula_says(rays_of):
     lo, hi = np.array((0.3, 0.1, 0.2)), np.array((0.7, 0.5, 0.6))
-    box = trimesh.creation.box(bounds=(lo, hi))
-    mesh = Solid(np.array(box.vertices), np.array(box.faces))
+    mesh = solid(trimesh.creation.box(bounds=(lo, hi)))
     rng = np.random.default_rng(6)
     p = 0.5 * (lo + hi) + unit(rng.normal(size=(600, 3)))
     r = unit(rng.uniform(lo - 0.1, hi + 0.1, (600, 3)) - p)
@@ -163,9 +158,7 @@ def test_a_ray_along_the_lid_of_a_container_reaches_its_side(rays_of):
     """Regression: the ray ended after too many short steps, up to 0.37 m before the side."""
     tub = trimesh.creation.cylinder(TUB, 2.0 * TUB_LID, sections=96)
     tub.apply_transform(trimesh.transformations.rotation_matrix(0.5 * np.pi, (1.0, 0.0, 0.0)))
-    tub.apply_translation(SHELL)
-    container = Solid(np.array(tub.vertices), np.array(tub.faces), container=True)
-    boundary_of(BOX, [LAYER], [container])
+    boundary_of(BOX, [LAYER], [solid(tub, SHELL, container=True)])
     flat = np.radians(1.0)
     x = np.linspace(-0.3, 0.3, 40)
     r = np.tile((0.0, -np.sin(flat), -np.cos(flat)), (len(x), 1))
@@ -274,10 +267,10 @@ def test_a_lattice_of_colours_has_the_colour_of_each_side():
 
 def test_a_painted_body_shows_the_colours_of_its_triangles(picture):
     """A cube with a black front and white other sides, in the eye's rays."""
-    box = trimesh.creation.box((0.4, 0.4, 0.4)).apply_translation((0.5, 0.4, 0.5))
+    box = trimesh.creation.box((0.4, 0.4, 0.4))
     front = box.face_normals[:, 2] > 0.5
     paint = np.where(front[:, None], (0.02, 0.02, 0.02), (0.9, 0.9, 0.9))
-    cube = Solid(np.array(box.vertices), np.array(box.faces), paint=paint)
+    cube = solid(box, (0.5, 0.4, 0.5), paint=paint)
     draw_bodies(picture, [cube], framing(0.0, 0.5))
     image, depth = linear(picture.image.to_numpy()), body_depth(picture)
     light = image[depth < 100.0].mean(axis=-1)
@@ -286,8 +279,7 @@ def test_a_painted_body_shows_the_colours_of_its_triangles(picture):
 
 
 def test_the_waterline_at_a_container_is_exact(picture, boundary):
-    """A mesh that extends beyond the sides of a container, as meshes for images do, is rendered
-    only inside the container, up to its side; the side has no water above the level."""
+    """The mesh extends beyond the sides of the container, as meshes for images do."""
     level = 0.4
     picture.load(WIDTH, HEIGHT, BOX)
     draw(picture, framing(0.3, 0.35), still_water(level))
@@ -314,8 +306,7 @@ def test_the_waterline_at_a_container_is_exact(picture, boundary):
 
 
 def test_a_body_has_no_film_of_water_where_the_glass_cuts_it(picture):
-    """Where the glass cuts a body, wetness adds only the reflection of the pane. Regression: near
-    its edges, where the nearest side faced away, the body reflected the sky."""
+    """Regression: near its edges, where the nearest side faced away, the body reflected the sky."""
     lo, hi = np.array((-0.5, -0.5, -0.5)), np.array((0.4, 0.9, 1.5))
     view, images = framing(0.25, 0.1), []
     view.target = np.array((0.4, 0.4, 1.0))

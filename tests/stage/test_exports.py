@@ -82,7 +82,6 @@ def test_an_obj_mesh_has_them_in_place_of_colours_and_texture_coordinates(folder
 
 
 def test_droplets_have_the_volume_that_the_mesh_lacks(folder):
-    """Meshes with droplets lack the spray, and the droplets have its volume."""
     import meshio
 
     for frame in range(FRAMES):

@@ -87,8 +87,7 @@ def test_a_halt_is_not_caught_up():
 
 
 def test_the_lag_of_a_splash_is_caught_up_gradually():
-    """The lag of half a second of water that runs at 1.33 s per simulated second is caught up in
-    limited steps once the water is calm."""
+    """The water of half a second runs at 1.33 s per simulated second."""
     pacer, frames = Pacer(FPS), []
     run(pacer, 0.3, 0.004)
     for k in range(240):

@@ -276,7 +276,6 @@ def test_a_lost_session_is_offered_until_a_key_answers(player, cache):
 
 
 def test_random_input_at_a_window_loses_no_water(player, show):
-    """600 random keys, drags and slider values lose no mass and keep velocities finite."""
     dice = random.Random(1)
     mass = show.ledger.record(show.gravity()).mass
     names = [k for k in ACTIONS if ACTIONS[k] not in ("quit", "clip", "keep", "reopen", "picture")]

@@ -26,7 +26,6 @@ def test_random_input_loses_no_water(name, tmp_path):
 
 
 def test_mass_changes_and_other_problems_are_reported(tmp_path, monkeypatch):
-    """Water that is added without an entry in the ledger is reported as a change of mass."""
     add = Touch.add_water
 
     def forgets(touch, x, v):

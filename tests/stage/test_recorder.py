@@ -192,8 +192,7 @@ def reference_density(state, specs):
 
 
 def test_vtu_surface_has_the_values_of_the_particles(recorded, show):
-    """The surface has the triangles of the .ply file. Its values are means over all particles,
-    weighted by volume and kernel (here by brute force), and the layer of the nearest particle."""
+    """Means over all particles, weighted by volume and kernel, here by brute force."""
     found, mesh = meshio.read(recorded / "m_0003.vtu"), trimesh.load(recorded / "m_0003.ply")
     assert found.points == pytest.approx(mesh.vertices, abs=1e-6)
     assert np.array_equal(found.cells_dict["triangle"], mesh.faces)

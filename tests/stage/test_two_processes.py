@@ -121,7 +121,6 @@ def test_a_capture_in_two_processes_equals_one_in_a_single_process(replayed, tmp
 
 
 def test_two_processes_compute_what_one_computes(remote):
-    """Positions and velocities are equal bit for bit on one thread."""
     _, row = remote
     scene = row.lead.initial
     here = Show(scene, FRAME, SIZE, timings=Timings(keep=1), **INTERACTIVE)

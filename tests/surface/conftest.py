@@ -5,10 +5,11 @@ import pytest
 import trimesh
 from surface_kit import CELL, SIZE, Cubes, Water, uniform
 
-from msph.fluid.boundary.rigid_bodies import Ball, Block, Solid
+from msph.fluid.boundary.rigid_bodies import Ball, Block
 from msph.launches import watch_compiling
 from msph.surface import SurfaceRoom
 from msph.surface.marching_cubes import MarchingCubes
+from tests.boundary_kit import solid
 
 
 @pytest.fixture(scope="session")
@@ -50,9 +51,8 @@ def smooth_water(water) -> Iterator[Water]:
 def held_water() -> Iterator[Water]:
     """Yields water in a mesh container of almost the box's size, with a ball and a block in it."""
     egg = trimesh.creation.icosphere(subdivisions=3)
-    container = Solid(
-        np.array(SIZE) * (0.5 + 0.48 * np.array(egg.vertices)), np.array(egg.faces), container=True
-    )
+    egg.apply_scale(0.48 * np.array(SIZE))
+    container = solid(egg, 0.5 * np.array(SIZE), container=True)
     ball = Ball(np.array((0.22, 0.2, 0.2)), 0.07)
     block = Block(np.array((0.36, 0.05, 0.14)), np.array((0.44, 0.4, 0.24)))
     water = Water(bodies=[container, ball, block])

@@ -7,7 +7,6 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from msph.fluid.boundary.rigid_bodies import Body
-from msph.fluid.particles.layers import LayerSpec
 from msph.fluid.plan import Plan
 from msph.fluid.projection.parameters import ProjectionParameters
 from msph.fluid.simulation import Simulation
@@ -15,6 +14,7 @@ from msph.state import Moment, state_of
 from msph.surface import SurfaceMesh, SurfaceRoom, surface_of
 from msph.surface.lattice import Lattice
 from msph.surface.marching_cubes import MarchingCubes
+from tests.fluid.fluid_kit import spec_of
 
 SIZE = (0.6, 0.5, 0.4)
 FINE = 0.03  # spacing of the finer layer [m]
@@ -89,7 +89,7 @@ class Water:
         bodies: Sequence[Body] = (),
         room: SurfaceRoom = SurfaceRoom(),  # noqa: B008
     ):
-        specs = [LayerSpec(1000.0 * d**3, 1000.0, 2.0) for d in (FINE, COARSE)]
+        specs = [spec_of(d, 2.0) for d in (FINE, COARSE)]
         start = {"x": np.array([[0.3, 0.25, 0.2]], np.float32), "layer": np.zeros(1, np.int32)}
         plan = Plan(SIZE, specs, start, ProjectionParameters(), bodies, capacity=6000)
         self.simulation = sim = Simulation(plan)

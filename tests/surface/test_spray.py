@@ -89,9 +89,7 @@ def test_still_water_has_no_spray(water, surface):
 def test_droplets_move_continuously_while_a_particle_leaves_the_water_and_falls_back(
     water, surface
 ):
-    """No droplet moves by more than a spacing, or changes its volume by more than the share of a
-    frame, while the particle moves by a third of a spacing and its velocity reverses; mesh and
-    droplets together have the volume of the water."""
+    """The particle moves by a third of a spacing, and its velocity reverses."""
     pool = packed((0, 0, 0), (SIZE[0], 0.15, SIZE[2]), FINE)
     up = np.arange(0.0, 5.0, 1.0 / 3.0)
     before, most = None, 0.0

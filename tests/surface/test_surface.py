@@ -105,7 +105,6 @@ def test_mesh_of_still_water_has_its_volume_and_flat_walls(water, d, layer):
 
 
 def test_free_surface_reaches_the_walls(water):
-    """The contact line lies at the walls, not half a cell away from them."""
     water.fill(packed((0, 0, 0), (SIZE[0], 0.3, SIZE[2]), FINE))
     vertices, _, _ = water.mesh().to_numpy()
     inset = 2 * water.surface.lattice.axes[0][1]

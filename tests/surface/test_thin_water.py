@@ -68,8 +68,7 @@ def test_a_sheet_one_particle_thick_keeps_its_volume_and_has_no_hole(water, heig
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_sheet_of_irregular_particles_is_a_film_without_holes(smooth_water, seed):
-    """Particles 0.15 spacings (rms) off their lattice. Regression: such a film had three
-    holes, since kernels were as narrow along a sheet as across it."""
+    """Regression: the film had three holes: kernels were as narrow along a sheet as across it."""
     x = packed((0, 0, 0), (SIZE[0], FINE, SIZE[2]), FINE)
     x[:, 1] += 0.2
     x += np.random.default_rng(seed).normal(0.0, 0.15 * FINE, x.shape)
@@ -79,8 +78,7 @@ def test_a_sheet_of_irregular_particles_is_a_film_without_holes(smooth_water, se
 
 
 def test_the_mesh_changes_continuously_while_a_particle_leaves_the_water(water):
-    """When the particle rises by 0.1 spacings, the mesh moves by less than one spacing and keeps
-    its volume."""
+    """The particle rises by 0.1 spacings at a time."""
     pool = packed((0, 0, 0), (SIZE[0], 0.15, SIZE[2]), FINE)
     last = None
     for rise in np.arange(0.0, 4.0, 0.1):
