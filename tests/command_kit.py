@@ -28,11 +28,11 @@ def done(*arguments):
     return result
 
 
-def started(*arguments, **options):
+def started(*arguments, run=("-m", "msph"), stderr=subprocess.PIPE, **options):
     """Starts a command in a process; returns the process, whose messages can be read."""
     return subprocess.Popen(
-        [sys.executable, "-m", "msph", *map(str, arguments)],
-        stderr=subprocess.PIPE,
+        [sys.executable, "-u", *run, *map(str, arguments)],
+        stderr=stderr,
         text=True,
         # Tests started in the background ignore SIGINT, and so would the processes that they start.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),

@@ -11,7 +11,7 @@ from msph.scene.load import load_scene, read_toml
 from msph.stage import commands
 from msph.stage.layout import GAP
 from msph.stage.sheet import text_height
-from tests.command_kit import here
+from tests.command_kit import done, here
 from tests.scenes_kit import write
 from tests.stage.window_kit import (
     CORNER,
@@ -38,9 +38,8 @@ msph.cli.main()
 @pytest.mark.slow
 @needs_x
 def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
-    arguments = (write(tmp_path), "--size", f"{WIDTH}x{HEIGHT}")
     (tmp_path / "alone.py").write_text(ALONE)
-    with playing(display, tmp_path, *arguments, run=("alone.py",)) as process:
+    with playing(display, tmp_path, write(tmp_path), run=("alone.py",)) as process:
         seen = wait_for(process, "ready in")
         assert "pause and resume" in seen and "left drag" in seen
         screen = display
@@ -52,20 +51,16 @@ def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
         assert ((middle[..., 2] - middle[..., 0]) > 25).mean() > 0.05
         screen.send("key", "space")
         paused = screen.still()
-        screen.send("key", "h")
-        helped = screen.still(unlike=paused, by=5.0)
-        screen.send("key", "Escape")
-        screen.still(unlike=helped, by=5.0)
-        screen.send("key", "v")
-        particles = screen.still(unlike=paused, by=2.0)
+        helped = screen.after("h", unlike=paused, by=5.0)
+        screen.after("Escape", unlike=helped, by=5.0)
+        particles = screen.after("v", unlike=paused, by=2.0)
         screen.do("keydown", "d")
         screen.send("keyup", "d")
         turned = screen.still(unlike=particles, by=1.0)
         screen.do("keydown", "Right")
         screen.send("keyup", "Right")
         tilted = screen.still(unlike=turned, by=1.0)
-        screen.send("key", "Return")
-        screen.still(unlike=tilted, by=1.0)
+        screen.after("Return", unlike=tilted, by=1.0)
         # Drags the slider of gravity, the first in the panel, below the buttons of its pages.
         screen.do("key", "i")
         text = text_height(HEIGHT)
@@ -99,16 +94,12 @@ def test_window_opens_obeys_keys_and_shows_water(display, tmp_path):
 @pytest.mark.slow
 @needs_x
 def test_a_lesson_is_answered_and_done_with_keys_and_mouse(display, tmp_path):
-    """Keys answer a question, the mouse completes a task, and the cache holds the progress."""
-    size = ("--size", f"{WIDTH}x{HEIGHT}")
-    with playing(display, tmp_path, "kernels", *size, command="lesson") as process:
+    with playing(display, tmp_path, "kernels", command="lesson") as process:
         question = display.begun()
         display.do("key", "n")
         assert np.array_equal(display.still(), question), "the question comes first"
-        display.send("key", "b")
-        answered = display.still(unlike=question, by=0.1)
-        display.send("key", "n")
-        task = display.still(unlike=answered, by=0.1)
+        answered = display.after("b", unlike=question, by=0.1)
+        task = display.after("n", unlike=answered, by=0.1)
         # Drags the first slider, the support, to its lower end in one jump between two frames.
         text = text_height(HEIGHT)
         y = HEIGHT - band_height(text) + (PAD + 0.5 * LINE) * text
@@ -139,8 +130,7 @@ def test_without_a_display_play_captures_instead(no_display, tmp_path, monkeypat
     monkeypatch.setattr(commands, "FALLBACK_SECONDS", 0.2)
     monkeypatch.setattr(commands, "FALLBACK_SIZE", (WIDTH, HEIGHT))
     monkeypatch.setattr(commands, "STILL_TIME", 0.2)
-    run = here("play", write(tmp_path), "--set", "picture.caustics=false")
-    assert run.returncode == 0, run.stderr
+    run = done("play", write(tmp_path), "--set", "picture.caustics=false")
     assert run.stderr.splitlines()[0].startswith("no display")
     video, still = tmp_path / "out" / "small.mp4", tmp_path / "out" / "small.png"
     assert "out/small.mp4" in run.stdout and "out/small.png" in run.stdout

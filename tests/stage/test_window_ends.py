@@ -30,8 +30,8 @@ from tests.stage.window_kit import (
 @pytest.mark.slow
 @needs_x
 def test_a_killed_session_continues_at_the_next_start(display, tmp_path):
-    arguments = (write(tmp_path), "--size", f"{WIDTH}x{HEIGHT}")
-    with playing(display, tmp_path, *arguments) as process:
+    scene = write(tmp_path)
+    with playing(display, tmp_path, scene) as process:
         wait_for(process, "ready in")
         file = wait_for_file(tmp_path, "cache/msph/session_*.npz")
         deadline = time.monotonic() + PATIENCE
@@ -39,7 +39,7 @@ def test_a_killed_session_continues_at_the_next_start(display, tmp_path):
         while time_of(file) <= 2.0 and time.monotonic() < deadline:
             time.sleep(0.5)
     since = time_of(file)
-    with playing(display, tmp_path, *arguments) as process:
+    with playing(display, tmp_path, scene) as process:
         wait_for(process, "ready in")
         display.begun_moving()
         display.send("key", "Return")
@@ -57,7 +57,7 @@ def test_a_killed_session_continues_at_the_next_start(display, tmp_path):
 
 @needs_x
 def test_input_at_a_window_is_recorded(display, tmp_path):
-    arguments = (write(tmp_path), "--size", f"{WIDTH}x{HEIGHT}", "--record-input", "input.jsonl")
+    arguments = (write(tmp_path), "--record-input", "input.jsonl")
     with playing(display, tmp_path, *arguments) as process:
         wait_for(process, "ready in")
         display.begun_moving()
@@ -91,8 +91,8 @@ def test_ctrl_c_ends_play_without_a_traceback(display, wait):
 @pytest.mark.slow
 @needs_x
 def test_q_quits_while_kernels_are_compiled(display, tmp_path):
-    size, uncached = ("--size", f"{WIDTH}x{HEIGHT}"), {"TI_OFFLINE_CACHE": "0"}
-    with playing(display, tmp_path, write(tmp_path), *size, **uncached) as process:
+    uncached = {"TI_OFFLINE_CACHE": "0"}
+    with playing(display, tmp_path, write(tmp_path), variables=uncached) as process:
         wait_for(process, "quit")
         display.differs(display.look(), 0.01)
         display.send("key", "q")

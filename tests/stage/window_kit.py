@@ -3,9 +3,7 @@
 import contextlib
 import os
 import shutil
-import signal
 import subprocess
-import sys
 import time
 
 import numpy as np
@@ -14,6 +12,7 @@ import taichi as ti
 
 from msph.cache_folder import TAICHI_FOLDER
 from msph.stage.start_screen import SKY
+from tests.command_kit import started
 
 TOOLS = ("Xvfb", "xdotool")
 WIDTH, HEIGHT = 640, 360
@@ -30,41 +29,24 @@ if missing and os.environ.get("MSPH_REQUIRE_WINDOW"):
 needs_x = pytest.mark.skipif(bool(missing), reason=f"needs {', '.join(TOOLS)}")
 
 
-def play(
-    *arguments,
-    display=None,
-    folder=None,
-    run=("-m", "msph"),
-    command="play",
-    start_new_session=False,
-    **more,
-):
+def play(*arguments, display, folder=None, command="play", variables=(), **options):
+    """Starts a command on a display, with further variables of its environment."""
     environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
     if folder:
         # With its own cache, the window offers no session that the user saved.
         environment["XDG_CACHE_HOME"] = str(folder / "cache")
         environment[TAICHI_FOLDER] = ti.cfg.offline_cache_file_path
-    environment |= more
-    if display:
-        environment["DISPLAY"] = display
-    command = [sys.executable, "-u", *run, command, *arguments, "--arch", "cpu"]
-    return subprocess.Popen(
-        command,
-        env=environment,
-        cwd=folder,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        start_new_session=start_new_session,
-        # Tests started in the background ignore SIGINT, and so would the processes that they start.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-    )
+    environment |= {"DISPLAY": display, **dict(variables)}
+    options |= {"env": environment, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    return started(command, *arguments, "--arch", "cpu", cwd=folder, **options)
 
 
 @contextlib.contextmanager
-def playing(screen, folder, *arguments, **more):
-    """Context with a process of play() on a screen, which is killed at its end if it still runs."""
-    process = play(*arguments, display=screen.display, folder=folder, **more)
+def playing(screen, folder, *arguments, **options):
+    """Context with a process of play() that fills a screen; it is killed at the end if it still
+    runs."""
+    size = "--size", f"{WIDTH}x{HEIGHT}"
+    process = play(*arguments, *size, display=screen.display, folder=folder, **options)
     try:
         yield process
     finally:
@@ -114,6 +96,11 @@ class Screen:
             if changed and np.array_equal(before, last):
                 return last
         raise AssertionError("the screen did not change" if unlike is not None else "not paused")
+
+    def after(self, key, unlike, by):
+        """Presses a key; returns the image at rest that then differs, see still()."""
+        self.send("key", key)
+        return self.still(unlike, by)
 
     def begun_moving(self):
         """Waits until the start screen is gone."""
