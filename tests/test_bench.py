@@ -79,26 +79,20 @@ def rows_of(table, case, *figures):
     return [{**own, "start": str(k), **f} for k, f in enumerate(figures)]
 
 
+def cells_of(table, found):
+    """Returns the cells of each line of a table that is shown."""
+    lines = tables.shown(table, found).splitlines()
+    return [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines]
+
+
 def test_tables_show_medians_and_ranges_of_the_starts():
     """Rows are grouped by first cells, figures are formatted, and what is unknown is a dash."""
     found = rows_of("wide", "cube | 1", {"error": "0.1"}, {"error": "0.3"}, {"error": "0.2"})
-    last = tables.shown(WIDE, found).splitlines()[-1]
-    assert [cell.strip() for cell in last.split("|")[1:4]] == [
-        "cube",
-        "1",
-        "20.0 % (10.0 % to 30.0 %)",
-    ]
+    assert cells_of(WIDE, found)[-1][:3] == ["cube", "1", "20.0 % (10.0 % to 30.0 %)"]
     found = rows_of("across", "b", {"speed": "2"}) + rows_of("across", "a", {"error": "0"})
-    lines = [
-        [c.strip() for c in line.split("|")] for line in tables.shown(ACROSS, found).split("\n")
-    ]
-    assert lines[0][1:5] == ["figure", "target", "a", "b"]
-    assert lines[2][1:5] == ["speed", "5", "", "2.0"] and lines[3][1:5] == [
-        "error",
-        "",
-        "0.0 %",
-        "",
-    ]
+    head, _, speed, error = cells_of(ACROSS, found)[:4]
+    assert head[:4] == ["figure", "target", "a", "b"]
+    assert speed[:4] == ["speed", "5", "", "2.0"] and error[:4] == ["error", "", "0.0 %", ""]
 
 
 def test_reports_keep_sections_that_are_not_measured_again(tmp_path, monkeypatch):

@@ -17,6 +17,12 @@ from msph.measure.ledger import Ledger
 
 GRAVITY, FRAME = (0.0, -9.81, 0.0), 1 / 60
 WEIGHTLESS = ExternalForces(gravity=(0.0, 0.0, 0.0))
+# Overrides of the scene `drop`: coarse layers, and a splash in a low box that adapts all the time.
+COARSE = tuple(f"layers.{k}.spacing={0.05 * 2 ** (k / 3):.6f}" for k in range(3))
+SPLASH = (
+    *("box.size=[0.8, 0.45, 0.8]", "water.0.hi=[0.8, 0.2, 0.8]", "water.1.centre=[0.4, 0.33, 0.4]"),
+    *("adaptation.every=2", "adaptation.travel=0.3", *COARSE),
+)
 
 
 def spec_of(spacing, smoothing=2.45):

@@ -20,15 +20,22 @@ from msph.scene.build import build_simulation
 from msph.scene.errors import SceneError
 from msph.scene.openings import openings
 from msph.scene.water import layer_specs
-from tests.fluid.fluid_kit import GRAVITY, block_of, imbalance, parts, place, record, spec_of
+from tests.fluid.fluid_kit import (
+    GRAVITY,
+    SPLASH,
+    block_of,
+    imbalance,
+    parts,
+    place,
+    record,
+    spec_of,
+)
 from tests.fluid.fluid_kit import simulate as water
 
 D = 0.04
 SIZE = (0.4, 0.4, 0.4)
 UP, DOWN = np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0])
 FLOOR = np.array([0.2, 0.0, 0.2])
-# Overrides of a scene: a larger box, and frequent passes of adaptation.
-ADAPTIVE = ("box.size=[0.8, 0.45, 0.8]", "adaptation.every=2", "adaptation.travel=0.3")
 
 
 def disc(centre, direction, enters: bool, speed: float | None, radius: float = 0.07) -> Opening:
@@ -36,9 +43,9 @@ def disc(centre, direction, enters: bool, speed: float | None, radius: float = 0
     return Opening(np.array(centre, float), np.array(direction), (radius, radius), enters, rate)
 
 
-def simulate(*openings: Opening, height: float = 0.2, capacity: int = 4000) -> Simulation:
+def simulate(*openings: Opening, height=0.2, capacity=4000, **options) -> Simulation:
     x = block_of((0.4, height, 0.4), D)
-    return water(SIZE, [spec_of(D)], x, openings=openings, capacity=capacity)
+    return water(SIZE, [spec_of(D)], x, openings=openings, capacity=capacity, **options)
 
 
 @pytest.fixture
@@ -253,11 +260,11 @@ def test_the_solver_residual_leaves_out_particles_in_inflows():
 
 
 def test_layers_adapt_between_inflow_and_hole():
-    changes = [*ADAPTIVE, *(f"layers.{k}.spacing={0.05 * 2 ** (k / 3):.6f}" for k in range(3))]
-    changes += ["water.0.hi=[0.8, 0.2, 0.8]", "water.1.centre=[0.4, 0.33, 0.4]"]
-    changes += ["inflows=[{centre=[0.2, 0, 0.4], radius=0.12, speed=0.8}]"]
-    changes += ["outflows=[{centre=[0.6, 0, 0.4], radius=0.12}]", "duration=2.0"]
-    sim = build_simulation(load_scene("drop", changes))
+    flows = (
+        "inflows=[{centre=[0.2, 0, 0.4], radius=0.12, speed=0.8}]",
+        "outflows=[{centre=[0.6, 0, 0.4], radius=0.12}]",
+    )
+    sim = build_simulation(load_scene("drop", (*SPLASH, *flows, "duration=2.0")))
     ledger = record(sim, 0.7)
     assert sim.openings.all[0].layer > 0
     assert ledger.mass_change() == pytest.approx(0.0, abs=1e-6)
@@ -289,8 +296,7 @@ def test_a_run_ends_where_the_speed_of_an_inflow_is_no_number():
 def test_a_wall_shows_no_body_to_water_in_a_pipe_beyond_it():
     """Regression: the floor mirrored the ball into the pipe, to 1.9 times the rest density."""
     ball = Ball(np.array((0.2, 0.105, 0.2)), 0.08)
-    more = {"openings": [disc(FLOOR, UP, True, 0.5)], "bodies": [ball], "capacity": 4000}
-    sim = water(SIZE, [spec_of(D)], block_of((0.4, 0.2, 0.4), D), **more)
+    sim = simulate(disc(FLOOR, UP, True, 0.5), bodies=[ball])
     sim.measure_density()
     in_pipe = sim.particles.numpy("x")[:, 1] < 0.0
     assert in_pipe.sum() > 5

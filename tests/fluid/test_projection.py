@@ -192,30 +192,32 @@ def test_water_in_uniform_motion_may_move_farther_in_a_step(collision):
     assert farthest == pytest.approx(MOTION_FACTOR * collision.solver.parameters.cfl, rel=0.02)
 
 
+def prepared(sim, dt):
+    """Returns the pressure solve of a step of dt [s], and the particles."""
+    sim.solver.measure_density()
+    sim.solver.position_correction.find(0.0)
+    sim.solver.pressure_solve.build_rhs(sim.particles.count, dt)
+    return sim.solver.pressure_solve, sim.particles
+
+
 @pytest.mark.parametrize("off", (0.8, 1.25))
 def test_pressure_solve_scales_its_start(collision, off):
     advance(collision, 3, WEIGHTLESS)
-    solver, p, dt = collision.solver, collision.particles, 1 / 300
-    solver.measure_density()
-    solver.position_correction.find(0.0)
-    solver.pressure_solve.build_rhs(p.count, dt)
-    solver.pressure_solve.solve_to(dt, 1e-6, 0.0, 1000)
+    solve, p = prepared(collision, 1 / 300)
+    solve.solve_to(1 / 300, 1e-6, 0.0, 1000)
     solution = p.numpy("velocity_multiplier")
     fill(p.velocity_multiplier, off * solution)
-    solver.pressure_solve.start_round(p.count, dt, 0.0)
+    solve.start_round(p.count, 1 / 300, 0.0)
     assert solution.max() > 0.0
     assert np.abs(p.numpy("velocity_multiplier") - solution).max() < 1e-3 * solution.max()
 
 
 def test_pressure_solve_drops_a_start_that_is_not_needed(collision):
     """In water that expands everywhere no impulse of the last step remains."""
-    solver, p, dt = collision.solver, collision.particles, 1 / 300
-    solver.measure_density()
-    solver.position_correction.find(0.0)
-    solver.pressure_solve.build_rhs(p.count, dt)
+    solve, p = prepared(collision, 1 / 300)
     fill(p.rhs, np.full(p.count, -1e-3))
     fill(p.velocity_multiplier, np.full(p.count, 1e-6))
-    solver.pressure_solve.start_round(p.count, dt, 0.0)
+    solve.start_round(p.count, 1 / 300, 0.0)
     assert not p.numpy("velocity_multiplier").any()
 
 

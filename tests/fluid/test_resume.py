@@ -12,6 +12,7 @@ from msph.scene import load_scene
 from msph.scene.build import build_simulation
 from msph.taichi_internals import on_cpu
 from tests.fluid.fluid_kit import (
+    COARSE,
     FRAME,
     GRAVITY,
     advance,
@@ -22,7 +23,6 @@ from tests.fluid.fluid_kit import (
     spec_of,
 )
 
-COARSE = [f"layers.{k}.spacing={0.05 * 2 ** (k / 3):.6f}" for k in range(3)]
 # Frequent passes, a narrow hysteresis and so small a capacity that bands shrink and grow: the
 # splash splits and merges all the time, so that every value carried by adaptation matters.
 BUSY = (

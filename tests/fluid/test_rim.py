@@ -14,6 +14,7 @@ from msph.scene import load_scene
 from msph.scene.build import build_simulation
 from tests.fluid.fluid_kit import (
     FRAME,
+    SPLASH,
     block_of,
     images_of,
     imbalance,
@@ -115,10 +116,7 @@ def test_neighbours_above_the_rim_are_complete_and_mutual():
 
 def test_water_spills_from_adaptive_layers():
     """Mass is conserved and ids stay unique while particles split, merge and are spilt."""
-    changes = ["box.size=[0.8, 0.45, 0.8]", "adaptation.every=2", "adaptation.travel=0.3"]
-    changes += [f"layers.{k}.spacing={0.05 * 2 ** (k / 3):.6f}" for k in range(3)]
-    changes += ["water.0.hi=[0.8, 0.2, 0.8]", "water.1.centre=[0.4, 0.33, 0.4]", "box.open=true"]
-    sim = build_simulation(load_scene("drop", changes))
+    sim = build_simulation(load_scene("drop", (*SPLASH, "box.open=true")))
     mass = run(sim, 1).entries[0].mass
     last = run(sim, 40).entries[-1]
     assert last.spilt > 0.0

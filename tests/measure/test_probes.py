@@ -151,11 +151,17 @@ def test_height_in_a_full_box_is_the_height_of_the_lid():
     assert HeightProbe("h", (0.4, 0.4)).read(snapshot(filled(keep=lambda x: x[:, 1] > 0)))[0] == 0.8
 
 
+def tongue():
+    """Returns water with a tongue one particle thick ahead of it, along x."""
+    return filled(
+        keep=lambda x: (x[:, 0] < 0.3) & (x[:, 1] < 0.3) | (x[:, 0] < 0.5) & (x[:, 1] < D)
+    )
+
+
 def test_front_is_the_end_of_the_connected_bulk():
-    """A tongue one particle thick belongs to the front, spray ahead of the tongue does not."""
-    x = filled(keep=lambda x: (x[:, 0] < 0.3) & (x[:, 1] < 0.3) | (x[:, 0] < 0.5) & (x[:, 1] < D))
+    """The tongue belongs to the front, spray ahead of the tongue does not."""
     spray = np.array([[0.66, 0.02, 0.4], [0.7, 0.1, 0.3], [0.2, 0.6, 0.2]])
-    water = snapshot(np.concatenate([x, spray]))
+    water = snapshot(np.concatenate([tongue(), spray]))
     # The last column of the tongue has its centre at 0.5 m - d/2.
     assert FrontProbe("f", "+x").read(water)[0] == pytest.approx(0.48)
     assert FrontProbe("f", "+y").read(water)[0] == pytest.approx(0.28)
@@ -165,9 +171,7 @@ def test_front_is_the_end_of_the_connected_bulk():
 
 def test_a_front_does_not_move_back():
     """A tongue breaks off, so that the bulk ends farther back; resume() keeps the front."""
-    whole = filled(
-        keep=lambda x: (x[:, 0] < 0.3) & (x[:, 1] < 0.3) | (x[:, 0] < 0.5) & (x[:, 1] < D)
-    )
+    whole = tongue()
     broken = whole[(whole[:, 0] < 0.36) | (whole[:, 0] > 0.44)]
     front, resumed = FrontProbe("f", "+x"), FrontProbe("f", "+x")
     reached = front.read(snapshot(whole))

@@ -37,12 +37,17 @@ def layout():
     return Layout(SIZE)
 
 
-@pytest.fixture
-def player(course, row, layout, tmp_path):
+def guided(course, row, layout, folder):
+    """Returns a player of a lesson that saves its files in a folder."""
     choice, guide = Choice("forces", "large"), Guide(course, row, SIZE)
     player = Player(Screen(), row, choice, layout, SceneArguments("forces"), guide)
-    player.saver.folder = tmp_path
+    player.saver.folder = folder
     return player
+
+
+@pytest.fixture
+def player(course, row, layout, tmp_path):
+    return guided(course, row, layout, tmp_path)
 
 
 def test_nothing_moves_while_the_question_is_open(player, row, monkeypatch):
@@ -103,16 +108,14 @@ def test_a_pool_of_the_lesson_pressure_stays_tilted_while_its_water_flows(layout
     was down, so that the task could not be completed."""
     course = load_lesson("pressure")
     row = prepare_row(Order(course.scenes), SIZE, band_height(text_height(HEIGHT)))
-    guide = Guide(course, row, SIZE)
-    player = Player(Screen(), row, Choice("a", "large"), layout, SceneArguments("a"), guide)
-    player.saver.folder = tmp_path
+    player = guided(course, row, layout, tmp_path)
     press(player, "c", "n", "n")
     with player.window.holding("Left"):
         press(player, "Left")
-        while guide.progress.numbers["water"].tilt < 9.0:
+        while player.guide.progress.numbers["water"].tilt < 9.0:
             frames(player)
     frames(player, 200)
-    assert guide.progress.ticked[1], guide.shown
+    assert player.guide.progress.ticked[1], player.guide.shown
     row.close()
 
 

@@ -19,6 +19,7 @@ from msph.stage.headless import Headless
 from msph.stage.loop import run
 from msph.stage.row import Row
 from msph.stage.show import Show
+from tests.fluid.fluid_kit import masses
 from tests.tiers import slow_but
 
 FRAME = 1.0 / 60.0
@@ -50,8 +51,7 @@ class Seen:
     @property
     def m(self):
         """Masses [kg], (n,)."""
-        specs = self.simulation.layers.specs
-        return np.array([s.mass for s in specs])[self.simulation.particles.numpy("layer")]
+        return masses(self.simulation)
 
     def centre(self, where=None):
         """Returns the centre of mass [m] of all water, or of the particles in a mask."""
