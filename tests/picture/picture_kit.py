@@ -2,6 +2,7 @@
 
 import numpy as np
 import taichi as ti
+import trimesh
 
 from msph.picture.pixels import colours
 from msph.picture.rasteriser import NO_ITEM
@@ -122,15 +123,10 @@ def still_water(level=LEVEL, n=8):
     )
 
 
-def ball(centre, radius, n=24):
-    """Returns a closed sphere of 2 n (n - 1) triangles."""
-    theta, phi = np.meshgrid(
-        np.linspace(0, np.pi, n + 1), np.linspace(0, 2 * np.pi, n + 1), indexing="ij"
-    )
-    out = np.stack([np.sin(theta) * np.cos(phi), np.cos(theta), np.sin(theta) * np.sin(phi)], -1)
-    out = out.reshape(-1, 3)
-    _, triangles, _ = grid((0, 0, 0), (1, 0, 0), (0, 1, 0), n)
-    return np.asarray(centre) + radius * out, triangles[:, ::-1], out
+def ball(centre, radius):
+    """Returns vertices, triangles and normals of a closed sphere."""
+    sphere = trimesh.creation.icosphere(3, radius)
+    return sphere.vertices + centre, sphere.faces, sphere.vertices / radius
 
 
 def covered(raster, width=WIDTH, height=HEIGHT):

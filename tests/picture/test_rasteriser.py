@@ -110,7 +110,7 @@ def test_triangles_through_the_near_plane_stay_on_their_plane(bench):
 
 def test_thickness_of_a_ball(bench):
     centre, r = np.array((0.5, 0.4, 0.5)), 0.2
-    shot, d = bench.draw(ball(centre, r, 30), Camera.framing(BOX))
+    shot, d = bench.draw(ball(centre, r), Camera.framing(BOX))
     dc, dd = d @ (centre - shot["eye"]), (d * d).sum(-1)
     disc = dc**2 - dd * (((centre - shot["eye"]) ** 2).sum() - r * r)
     deep = disc / dd > (0.5 * r) ** 2  # away from the rim, where facets matter

@@ -154,15 +154,6 @@ def test_particles_beyond_walls_add_no_volume_and_no_drop(water):
     assert as_trimesh(mesh).body_count == 1
 
 
-def test_a_mesh_does_not_depend_on_earlier_meshes(water):
-    water.fill(*drops(0))
-    first = middles(water.mesh())
-    water.fill(*waves(0))
-    water.mesh()
-    water.fill(*drops(0))
-    assert_same(first, middles(water.mesh()))
-
-
 def test_a_kernel_narrower_than_the_support_is_refused(water):
     with pytest.raises(ValueError, match="surface smoothing is 0.9"):
         water.surface.load(SIZE, 0.02, smoothing=0.9)
