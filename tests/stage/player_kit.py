@@ -51,6 +51,19 @@ class Screen:
         self.image = image
 
 
+class Stopwatch:
+    """Test double of a clock that only sleep() advances."""
+
+    def __init__(self):
+        self.time = 0.0
+
+    def __call__(self):
+        return self.time
+
+    def sleep(self, seconds):
+        self.time += seconds
+
+
 class Asked(Row):
     """Row that applies changes and resets with the next input, as in another process."""
 

@@ -30,17 +30,16 @@ def widgets(player):
     return player.layout.pages["settings"].sheet.widgets
 
 
-def at_panel(player, x, y):
-    """Moves the cursor to a position on the open panel [pixels from its corner]."""
-    layout = player.layout
-    top = HEIGHT - layout.column_size[1]
-    player.window.at = np.array([x / WIDTH, 1.0 - (top + y) / HEIGHT])
+def point(player, widget, share=0.5):
+    """Moves the cursor to a share of the width of a widget of the open panel."""
+    x = widget.left + share * (widget.right - widget.left)
+    y = HEIGHT - player.layout.column_size[1] + 0.5 * (widget.top + widget.bottom)
+    player.window.at = np.array([x / WIDTH, 1.0 - y / HEIGHT])
 
 
 def click(player, name):
     """Clicks on a button of the open panel."""
-    button = next(b for b in widgets(player) if b.name == name)
-    at_panel(player, 0.5 * (button.left + button.right), 0.5 * (button.top + button.bottom))
+    point(player, next(b for b in widgets(player) if b.name == name))
     with player.window.holding("LMB"):
         press(player, "LMB")
     frames(player, 2)
@@ -49,14 +48,11 @@ def click(player, name):
 def move(player, key, value):
     """Drags a slider of the open panel from its left end to a value."""
     slider = next(s for s in widgets(player) if s.name == key)
-    y = 0.5 * (slider.top + slider.bottom)
-    at_panel(player, slider.left, y)
-    player.window.held = {"LMB"}
-    press(player, "LMB")
-    share = (value - slider.lo) / (slider.hi - slider.lo)
-    at_panel(player, slider.left + share * (slider.right - slider.left), y)
-    frames(player, 2)
-    player.window.held = set()
+    point(player, slider, 0.0)
+    with player.window.holding("LMB"):
+        press(player, "LMB")
+        point(player, slider, (value - slider.lo) / (slider.hi - slider.lo))
+        frames(player, 2)
     frames(player)
 
 
@@ -225,7 +221,7 @@ def test_a_held_slider_does_not_present_each_image_twice(player, show, monkeypat
     """Regression: frames in which a slider was held were drawn and presented once more."""
     press(player, "i")
     slider = next(w for w in widgets(player) if isinstance(w, Slider))
-    at_panel(player, slider.right, 0.5 * (slider.top + slider.bottom))
+    point(player, slider, 1.0)
     player.window.held = {"LMB"}
     press(player, "LMB")
     assert read(show.scene, slider.name) == pytest.approx(slider.hi)
@@ -244,7 +240,7 @@ def test_a_drag_that_begins_outside_the_panel_moves_no_slider(player, show):
     slider = next(w for w in widgets(player) if isinstance(w, Slider))
     with player.window.holding("LMB", at=np.array([0.9, 0.9])):
         press(player, "LMB")
-        at_panel(player, slider.right, 0.5 * (slider.top + slider.bottom))
+        point(player, slider, 1.0)
         frames(player, 2)
     assert read(show.scene, slider.name) == pytest.approx(read(show.initial, slider.name))
 

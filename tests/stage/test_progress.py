@@ -6,21 +6,12 @@ from msph.launches import compile_time
 from msph.scene import load_scene
 from msph.stage.progress import Progress, TooLongError, running_time
 from msph.stage.show import Show
-
-
-class Clock:
-    """Test double of a clock that only the test advances."""
-
-    def __init__(self):
-        self.now = 100.0
-
-    def __call__(self):
-        return self.now
+from tests.stage.player_kit import Stopwatch
 
 
 @pytest.fixture
 def clock():
-    return Clock()
+    return Stopwatch()
 
 
 def pace():
@@ -31,11 +22,11 @@ def test_a_slow_frame_is_explained_once(clock, capsys):
     progress = Progress(10, shown=True, clock=clock)
     progress.within(0.1, pace)
     assert capsys.readouterr().err == ""
-    clock.now += 4.0
+    clock.sleep(4.0)
     progress.within(0.5, pace)
     line = "frame 1 of 10 takes long: steps of 1e-9 s; the run takes about 1.3 minutes\n"
     assert capsys.readouterr().err == line
-    clock.now += 4.0
+    clock.sleep(4.0)
     progress.within(1.0, pace)
     assert capsys.readouterr().err == ""
 
@@ -44,7 +35,7 @@ def test_a_run_of_days_is_refused_with_its_estimate(clock):
     """Regression: with cfl = 1e-9, a run that needed years gave no message."""
     progress = Progress(100, shown=True, clock=clock)
     for share in (0.001, 0.002):
-        clock.now += 4.0
+        clock.sleep(4.0)
         if share == 0.001:
             progress.within(share, pace)
     with pytest.raises(TooLongError, match=r"frame 1 of 100 .*the run would take 4.6 days"):
@@ -53,10 +44,10 @@ def test_a_run_of_days_is_refused_with_its_estimate(clock):
 
 def test_a_single_halt_of_the_machine_does_not_end_the_run(clock):
     progress = Progress(100, shown=False, clock=clock)
-    clock.now += 3600.0
+    clock.sleep(3600.0)
     progress.within(0.1, pace)
     for _ in range(5):
-        clock.now += 4.0
+        clock.sleep(4.0)
         progress.update()
         progress.within(0.1, pace)
     assert progress.done == 5
@@ -66,7 +57,7 @@ def test_a_log_gets_a_line_per_tenth(clock, capsys):
     """Regression: a log got a line per frame, 50 kB for two seconds."""
     progress = Progress(300, shown=True, clock=clock)
     for _ in range(300):
-        clock.now += 0.1
+        clock.sleep(0.1)
         progress.update()
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 10
@@ -78,7 +69,7 @@ def test_the_time_left_does_not_count_the_first_frame(clock, capsys):
     """The first frame waits for kernels, which may compile in another process; regression."""
     progress = Progress(10, shown=True, clock=clock)
     for seconds in (60.0, 1.0, 1.0):
-        clock.now += seconds
+        clock.sleep(seconds)
         progress.update()
     lines = capsys.readouterr().err.splitlines()
     assert lines[0] == "10 %: frame 1 of 10, 1 minute"

@@ -21,6 +21,7 @@ from msph.stage.shown_scene import ShownScene
 from msph.stage.views import display_unit
 from tests.fluid.fluid_kit import in_order
 from tests.scenes_kit import LAYERED, POOL, load, write
+from tests.stage.player_kit import Stopwatch
 
 SIZE = (160, 90)
 
@@ -239,19 +240,6 @@ def test_time_slows_if_the_budget_is_short(timed):
     assert sim.steps == 2
     assert sim.time == timed.simulated == pytest.approx(2 / steps * timed.frame_time, rel=0.01)
     assert timed.ledger.entries[-1].time == sim.time
-
-
-class Stopwatch:
-    """Test double of a clock that only sleep() advances."""
-
-    def __init__(self):
-        self.time = 0.0
-
-    def __call__(self):
-        return self.time
-
-    def sleep(self, seconds):
-        self.time += seconds
 
 
 @pytest.mark.parametrize("fps", [60.0, 30.0])
