@@ -9,7 +9,7 @@ import numpy as np
 import taichi as ti
 
 from msph.device_table import DeviceTable, i32
-from msph.launches import data_oriented, heavy_kernel
+from msph.launches import data_oriented, heavy_kernel, kernel
 from msph.surface import cube_tables
 from msph.surface.device_lattice import WORD, DeviceLattice
 from msph.surface.lattice import Lattice
@@ -56,6 +56,7 @@ class MarchingCubes:
         self.first = ti.Vector.field(3, ti.i32, shape=self.signs.room)
         self.way = ti.Vector.field(3, ti.f32, shape=room.vertices)
         self.volume, self.slope = ti.field(ti.f32, shape=()), ti.field(ti.f32, shape=())
+        self.words = ti.field(ti.i32, shape=())
         # By case: the edges of its triangles, three per triangle, and in every column the number
         # of triangles. Scalars, since a vector read at a varying component stops Taichi from
         # summing by thread.
@@ -80,24 +81,29 @@ class MarchingCubes:
         self.signs.read.from_numpy(np.full(self.signs.pair_room, ~np.uint32(0)))
         self.signs.deep.fill(0)
 
-    @heavy_kernel
-    def run(self):
+    def run(self) -> None:
         """Makes the mesh from value and gradient."""
-        self.make_mesh(self.signs.word_count())
+        self.make_vertices()
+        self.make_triangles()
+
+    @kernel
+    def make_vertices(self):
+        """Makes all vertices."""
+        self.words[None] = self.signs.word_count()
+        self.place_vertices()
 
     @ti.func
-    def make_mesh(self, words):
-        """Makes the mesh from the first `words` words: of all, or of none. Call it at the top level
-        of a kernel, where its loops run in parallel."""
-        self.find_signs(words)
-        self.make_vertices(words)
-        nodes = self.numbers.nodes[None] - 1
-        self.make_triangles(ti.min(words, nodes[0] * nodes[1] * self.numbers.words[None]))
+    def place_vertices(self):
+        """Makes the vertices of the first words[None] words: of all, or of none. Call it at the top
+        level of a kernel, where its loops run in parallel. One kernel for vertices and triangles is
+        invalid SPIR-V (taichi issue #8741)."""
+        self.find_signs()
+        self.find_vertices()
 
     @ti.func
-    def find_signs(self, words):
+    def find_signs(self):
         """Computes the signs of the nodes."""
-        for q in range(words):
+        for q in range(self.words[None]):
             i, j, w = self.signs.position(q)
             pair = self.lattice.pair_index(i, j, w)
             read, found = self.signs.read[pair], ti.u32(0)
@@ -137,11 +143,11 @@ class MarchingCubes:
         return f
 
     @ti.func
-    def make_vertices(self, words):
+    def find_vertices(self):
         """Makes one vertex per crossed edge, at the zero of the level (root())."""
         for c in range(4):
             self.mesh.counts[c] = 0
-        for q in range(words):
+        for q in range(self.words[None]):
             i, j, w = self.signs.position(q)
             own, nodes = self.signs.inside[q], self.numbers.nodes[None]
             # The last row is its own neighbour, so no edge leaves the lattice.
@@ -279,12 +285,12 @@ class MarchingCubes:
             v[m] = self.first[at][axis] + count_below(self.crossed[at][axis], low[2] % WORD)
         return v
 
-    @ti.func
-    def make_triangles(self, words):
+    @heavy_kernel
+    def make_triangles(self):
         """Emits the table's triangles of every cell, without triangles that lack a vertex, and
         computes volume and slope."""
         self.volume[None], self.slope[None] = 0.0, 0.0
-        for q in range(words):
+        for q in range(self.cell_words()):
             i, j, w = self.cell_position(q)
             low, high = self.corners(i, j, w)
             cells = self.cells(low, high, w)
@@ -315,6 +321,12 @@ class MarchingCubes:
         ti.loop_config(serialize=True)
         for _ in range(1):
             self.mesh.counts[1] = ti.min(self.mesh.counts[1], self.mesh.max_triangles)
+
+    @ti.func
+    def cell_words(self):
+        """Returns the number of words of cells, at most words[None]."""
+        nodes = self.numbers.nodes[None] - 1
+        return ti.min(self.words[None], nodes[0] * nodes[1] * self.numbers.words[None])
 
     @ti.func
     def volume_of(self, v):

@@ -93,7 +93,7 @@ class Surface:
         self.thin.spray.elapsed += dt
 
     def extract(self, for_image: bool = False) -> None:
-        """Computes the mesh from the particles in ten kernel launches, besides the sort.
+        """Computes the mesh from the particles in thirteen kernel launches, besides the sort.
 
         for_image: the mesh lacks the spray (spray.py), and ends inside opaque bodies (band.py). The
         waterline is then the intersection of both surfaces, exact to a pixel; at the end of the

@@ -17,7 +17,7 @@ Volume control of level sets: Kim et al. 2007.
 
 import taichi as ti
 
-from msph.launches import data_oriented, heavy_kernel
+from msph.launches import data_oriented, kernel
 from msph.surface.marching_cubes import MarchingCubes
 from msph.surface.thin_water import ThinWater
 
@@ -45,10 +45,10 @@ class WaterVolume:
     def make_mesh(self, overlap: float) -> None:
         """Makes a mesh that reaches into bodies by an overlap, in units of the cut (-), which is
         not part of its volume."""
-        self.make(0)
-        self.make(1)
-        self.cubes.overlap[None] = overlap
-        self.make(2)
+        for steps in range(3):
+            self.cubes.overlap[None] = overlap if steps == 2 else 0.0
+            self.make_vertices(steps)
+            self.cubes.make_triangles()
         self.cubes.overlap[None] = 0.0
 
     def limit_reached(self) -> str | None:
@@ -60,21 +60,24 @@ class WaterVolume:
             return "the inward shift of the surface that conserves volume exceeds its limit"
         return None
 
-    @heavy_kernel
-    def make(self, steps: ti.i32):
-        """Makes the mesh after a number of Newton steps, and the next step unless two were made.
-        Nothing after one step, if that step is small."""
-        words = self.cubes.signs.word_count()
+    @kernel
+    def make_vertices(self, steps: ti.i32):
+        """Makes a Newton step by the last mesh, if any, and the vertices after this number of
+        steps: none after a small first step, which needs no second one."""
         if steps == 0:
             self.shift[None] = 0.0
-        elif steps == 1 and abs(self.shift[None]) < SECOND_STEP:
-            words = 0
-        self.cubes.make_mesh(words)
-        # Without all vertices, the volume is not known; if all water is drops, there is nothing to
-        # shift.
+        elif self.cubes.words[None] > 0:
+            self.step()
+        small = steps == 1 and abs(self.shift[None]) < SECOND_STEP
+        self.cubes.words[None] = ti.select(small, 0, self.cubes.signs.word_count())
+        self.cubes.place_vertices()
+
+    @ti.func
+    def step(self):
+        """Makes a Newton step. Without all vertices the volume is not known; if all water is drops,
+        there is nothing to shift."""
         water, mesh = self.thin.volume[None], self.cubes.mesh
-        whole = mesh.counts[2] <= mesh.max_vertices and water > 0.0
-        if words > 0 and steps < 2 and whole:
+        if mesh.counts[2] <= mesh.max_vertices and water > 0.0:
             slope = ti.max(self.cubes.slope[None], MIN_DERIVATIVE * water)
             shift = self.shift[None] + (self.cubes.volume[None] - water) / slope
             least, most = self.numbers.min_shift[None], self.numbers.max_shift[None]
