@@ -6,7 +6,8 @@ import trimesh
 
 from msph.picture.pixels import colours
 from msph.picture.rasteriser import NO_ITEM
-from tests.fluid.fluid_kit import spec_of
+from msph.surface import SurfaceMesh
+from tests.fluid.fluid_kit import fill, spec_of
 
 BOX = (1.0, 0.8, 1.0)
 LAYER = spec_of(0.04, 2.0)
@@ -34,28 +35,17 @@ def backdrop_of(picture) -> np.ndarray:
     return np.concatenate([colours(shown), lines[..., None]], axis=2)[:WIDTH, :HEIGHT]
 
 
-class Mesh:
-    """Surface mesh of fixed capacity that tests refill."""
+class Mesh(SurfaceMesh):
+    """Surface mesh that tests refill."""
 
     def __init__(self, capacity=16384):
-        self.vertices = ti.Vector.field(3, ti.f32, capacity)
-        self.normals = ti.Vector.field(3, ti.f32, capacity)
-        self.triangles = ti.Vector.field(3, ti.i32, capacity)
-        self.counts = ti.field(ti.i32, 2)
+        super().__init__(capacity, capacity)
 
-    def fill(self, vertices, triangles, normals=None):
-        vertices, triangles = np.asarray(vertices, float), np.asarray(triangles)
-        normals = np.tile((0.0, 1.0, 0.0), (len(vertices), 1)) if normals is None else normals
-        for field, values in (
-            (self.vertices, vertices),
-            (self.normals, normals),
-            (self.triangles, triangles),
-        ):
-            kind = np.int32 if field is self.triangles else np.float32
-            padded = np.zeros((field.shape[0], 3), kind)
-            padded[: len(values)] = values
-            field.from_numpy(padded)
-        self.counts.from_numpy(np.array((len(vertices), len(triangles)), np.int32))
+    def fill(self, vertices, triangles, normals):
+        fill(self.vertices, vertices)
+        fill(self.normals, normals)
+        fill(self.triangles, triangles, np.int32)
+        self.counts.from_numpy(np.array(2 * (len(vertices), len(triangles)), np.int32))
 
 
 class NoDrops:
@@ -129,11 +119,26 @@ def ball(centre, radius):
     return sphere.vertices + centre, sphere.faces, sphere.vertices / radius
 
 
+def items(raster, width=WIDTH, height=HEIGHT):
+    """Returns the numbers of the visible triangles or spheres (width, height), -1 without any."""
+    key = raster.key.to_numpy()[:width, :height]
+    return np.where(key == NO_ITEM, -1, key & ((1 << raster.item_bits[None]) - 1))
+
+
 def covered(raster, width=WIDTH, height=HEIGHT):
-    return raster.key.to_numpy()[:width, :height] != NO_ITEM
+    return items(raster, width, height) >= 0
 
 
 def rays(shot, width, height):
     """Returns the rays through all pixels (width, height, 3), with a forward component of 1."""
     i, j = np.meshgrid(np.arange(width), np.arange(height), indexing="ij")
     return shot["origin"] + i[..., None] * shot["du"] + j[..., None] * shot["dv"]
+
+
+def sphere(p, r, centre, radius):
+    """Returns both distances along rays p + t r to a sphere, in lengths of r; NaN for a miss."""
+    c, squares = p - centre, (r**2).sum(axis=-1)
+    b = (c * r).sum(axis=-1) / squares
+    with np.errstate(invalid="ignore"):
+        half = np.sqrt(b**2 - ((c**2).sum(axis=-1) - radius**2) / squares)
+    return -b - half, -b + half

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import taichi as ti
 import trimesh
-from picture_kit import LAYER, ball, covered, draw, rays, still_water
+from picture_kit import LAYER, ball, covered, draw, items, rays, sphere, still_water
 
 from msph.fluid.boundary.body_faces import triangles_of
 from msph.fluid.boundary.rigid_bodies import Ball, Block, Motion
@@ -94,15 +94,6 @@ def draw_bodies(picture, bodies, view=None, water=None):
     boundary_of(BOX, [LAYER], bodies)
     picture.load(WIDTH, HEIGHT, BOX)
     draw(picture, view or framing(), water)
-
-
-def sphere(p, r, centre, radius):
-    """Returns both distances along rays p + t r to a sphere, not finite where a ray misses it."""
-    c = p - centre
-    b = (c * r).sum(axis=1)
-    with np.errstate(invalid="ignore"):
-        half = np.sqrt(b**2 - (c**2).sum(axis=1) + radius**2)
-    return -b - half, -b + half
 
 
 def body_depth(picture):
@@ -210,16 +201,11 @@ def test_a_body_hides_water_behind_it_but_not_in_front_of_it(picture):
     view = framing(0.0, 0.2)
     draw_bodies(picture, [Ball(np.array((0.5, 0.5, 0.5)), 0.2)], view)
     dry = picture.image.to_numpy()
-    d = rays(picture.lens.numbers, WIDTH, HEIGHT).reshape(-1, 3)
-    length = np.linalg.norm(d, axis=1)
-    eye = np.tile(picture.lens.numbers["eye"], (len(d), 1))
-    near, _ = sphere(eye, d / length[:, None], np.array((0.5, 0.5, 0.5)), 0.2)
-    inside = np.isfinite(near).reshape(WIDTH, HEIGHT)
-    depth = body_depth(picture)
-    assert abs((depth < 100.0).sum() - inside.sum()) < 0.05 * inside.sum()
-    assert depth[inside & (depth < 100.0)] == pytest.approx(
-        (near / length).reshape(WIDTH, HEIGHT)[inside & (depth < 100.0)], abs=0.01
-    )
+    shot, depth = picture.lens.numbers, body_depth(picture)
+    near, _ = sphere(shot["eye"], rays(shot, WIDTH, HEIGHT), np.array((0.5, 0.5, 0.5)), 0.2)
+    inside, found = np.isfinite(near), depth < 100.0
+    assert abs(found.sum() - inside.sum()) < 0.05 * inside.sum()
+    assert depth[inside & found] == pytest.approx(near[inside & found], abs=0.01)
     # A drop behind the ball does not change the image, a drop in front of it does.
     for z, shown in ((0.15, False), (0.85, True)):
         place = view.eye + (0.5 - view.eye) * (view.eye[2] - z) / (view.eye[2] - 0.5)
@@ -237,9 +223,9 @@ def test_the_light_of_a_body_is_in_proportion_to_its_albedo(picture):
     for albedo in (None, (0.3, 0.5, 0.1), (0.0, 0.0, 0.0)):
         draw_bodies(picture, [Ball(centre, radius, albedo=albedo)], framing(0.0, 0.2))
         shown.append(linear(picture.image.to_numpy()))
-    d = unit(rays(picture.lens.numbers, WIDTH, HEIGHT).reshape(-1, 3))
-    near, _ = sphere(picture.lens.numbers["eye"][None], d, centre, 0.6 * radius)
-    clay, painted, black = (s[np.isfinite(near).reshape(WIDTH, HEIGHT)] for s in shown)
+    shot = picture.lens.numbers
+    near, _ = sphere(shot["eye"], rays(shot, WIDTH, HEIGHT), centre, 0.6 * radius)
+    clay, painted, black = (s[np.isfinite(near)] for s in shown)
     assert len(clay) > 50 and black.max() < 0.1
     expected = black + (clay - black) * np.array((0.3, 0.5, 0.1)) / np.array(CLAY)
     # Darker blocks of pixels are interpolated sooner.
@@ -285,8 +271,8 @@ def test_the_waterline_at_a_container_is_exact(picture, boundary):
     draw(picture, framing(0.3, 0.35), still_water(level))
     d = unit(rays(picture.lens.numbers, WIDTH, HEIGHT).reshape(-1, 3))
     eye = picture.lens.numbers["eye"]
-    near, far = sphere(np.tile(eye, (len(d), 1)), d, SHELL, ROOM)
-    on_ball, _ = sphere(np.tile(eye, (len(d), 1)), d, BALL, 1.2 * RADIUS)
+    near, far = sphere(eye, d, SHELL, ROOM)
+    on_ball, _ = sphere(eye, d, BALL, 1.2 * RADIUS)
     down = (level - eye[1]) / d[:, 1]
     wet = (down < near) | ((down > near) & (down < far))
     # The icosphere lies inside the sphere by up to 1 % of its radius; pixels are 0.02 m wide.
@@ -299,9 +285,7 @@ def test_the_waterline_at_a_container_is_exact(picture, boundary):
     assert np.isnan(near)[sure].sum() > 1000 and wet[sure].sum() > 100
     assert (~wet & np.isfinite(near))[sure].sum() > 100
     assert np.array_equal(found[sure], wet[sure])
-    key = picture.raster.key.to_numpy()[:WIDTH, :HEIGHT].ravel()
-    item = key & ((1 << picture.raster.item_bits[None]) - 1)
-    side = item == picture.raster.wet[None]
+    side = items(picture.raster, WIDTH, HEIGHT).ravel() == picture.raster.wet[None]
     assert np.array_equal(side[sure & wet], (down < near)[sure & wet])
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import taichi as ti
-from picture_kit import BOX, Mesh, ball, covered, grid, rays
+from picture_kit import BOX, Mesh, ball, covered, grid, items, rays, sphere
 
 from msph.picture.camera import Camera
 from msph.picture.look import Look
@@ -111,10 +111,9 @@ def test_triangles_through_the_near_plane_stay_on_their_plane(bench):
 def test_thickness_of_a_ball(bench):
     centre, r = np.array((0.5, 0.4, 0.5)), 0.2
     shot, d = bench.draw(ball(centre, r), Camera.framing(BOX))
-    dc, dd = d @ (centre - shot["eye"]), (d * d).sum(-1)
-    disc = dc**2 - dd * (((centre - shot["eye"]) ** 2).sum() - r * r)
-    deep = disc / dd > (0.5 * r) ** 2  # away from the rim, where facets matter
-    chord = 2 * np.sqrt(np.maximum(disc, 0)) / dd
+    near, far = sphere(shot["eye"], d, centre, r)
+    chord = far - near
+    deep = chord * np.linalg.norm(d, axis=-1) > r  # away from the rim, where facets matter
     got = (bench.back() - bench.depth()[0])[deep]
     assert deep.sum() > 100
     np.testing.assert_allclose(got, chord[deep], atol=0.03 * r)
@@ -131,14 +130,12 @@ def test_spheres_are_round_and_the_nearest_is_visible(bench):
     bench.radius.from_numpy(radii.astype(np.float32))
     bench.draw_spheres(3)
     best, owner = np.full(d.shape[:2], FAR), np.full(d.shape[:2], -1)
-    for k, (c, r) in enumerate(zip(centres - shot["eye"], radii, strict=True)):
-        dc, dd = d @ c, (d * d).sum(-1)
-        disc = dc**2 - dd * (c @ c - r * r)
-        z = np.where(disc > 0, (dc - np.sqrt(np.maximum(disc, 0))) / dd, FAR)
+    for k, (c, r) in enumerate(zip(centres, radii, strict=True)):
+        z, _ = sphere(shot["eye"], d, c, r)
+        z = np.where(np.isnan(z), FAR, z)
         owner[z < best] = k
         best = np.minimum(best, z)
-    key = bench.raster.key.to_numpy()
-    got = np.where(key == NO_ITEM, -1, key & ((1 << bench.raster.item_bits[None]) - 1))
+    got = items(bench.raster, WIDTH, HEIGHT)
     assert (got != owner).mean() < 2e-3
     z, slack = bench.depth()
     same = (got == owner) & (owner >= 0)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from picture_kit import BOX, HEIGHT, LEVEL, WIDTH, canvas_of, covered, rays, still_water
+from picture_kit import BOX, HEIGHT, LEVEL, WIDTH, canvas_of, covered, items, rays, still_water
 
 from msph.picture.camera import Camera
 from msph.picture.look import Look
@@ -52,9 +52,7 @@ def test_the_image_changes_only_where_the_eye_crosses_the_surface(picture, mesh)
     wet = []
     for eye in (LEVEL + 0.01, LEVEL - 0.01):
         picture.draw_water(Camera(np.array((0.5, eye, 0.4)), 0.0, 0.0, 0.1))
-        item = picture.raster.key.to_numpy()[:WIDTH, :HEIGHT]
-        item &= (1 << picture.raster.item_bits[None]) - 1
-        wet.append(covered(picture.raster) & (item == picture.raster.wet[None]))
+        wet.append(items(picture.raster) == picture.raster.wet[None])
         below = rays(picture.lens.numbers, WIDTH, HEIGHT)[..., 1] < -0.1
         # Above water the lower half shows the surface; under water, the walls in the water.
         assert covered(picture.raster)[below].all()
