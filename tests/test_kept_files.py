@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from msph import cli
 from msph.errors import MsphError
-from msph.lesson import commands as lesson_commands
 from msph.stage import commands, loaded_scene
 from tests.scenes_kit import GAUGE, TEXT, examples, write
 
@@ -44,24 +43,16 @@ def decoys(names):
     return [made for n in names for made in (f"new_{n}", f".{n}", f"{n}.part", f"{n}.tmp", f"{n}~")]
 
 
-@pytest.fixture(autouse=True, scope="module")
-def one_taichi():
-    with pytest.MonkeyPatch.context() as patch:
-        for module in (commands, lesson_commands, loaded_scene):
-            patch.setattr(module, "start", lambda arch, threads: "cpu")
-        yield
-
-
 @pytest.fixture(scope="module")
 def one_folder(tmp_path_factory):
     return tmp_path_factory.mktemp("kept")
 
 
-def run(command, folder):
+def run(command, folder, *more):
     short = SHORT if command in ("capture", "measure", "bench") else ()
     with contextlib.redirect_stdout(None):
         arguments = COMMANDS[command][0].format(*[folder] * 9).split()
-        cli.cli.main([*arguments, *short], standalone_mode=False)
+        cli.cli.main([*arguments, *short, *more], standalone_mode=False)
 
 
 def filled(folder, names):
@@ -122,6 +113,5 @@ def test_any_files_are_unchanged(one_folder, command, data):
 def test_force_overwrites(tmp_path):
     write(tmp_path)
     (tmp_path / "rows.json").write_text("old")
-    text = COMMANDS["bench"][0].format(*[tmp_path] * 9).split()
-    cli.cli.main([*text, *SHORT, "--force"], standalone_mode=False)
+    run("bench", tmp_path, "--force")
     assert "solver_residual" in (tmp_path / "rows.json").read_text()

@@ -65,10 +65,10 @@ def advance(sim, frames, external=None, frame=FRAME):
         sim.advance(frame, external or ExternalForces())
 
 
-def ledger_of(sim, gravity=GRAVITY):
+def ledger_of(sim):
     """Returns a ledger without density errors that has an entry."""
     ledger = Ledger(sim, density_every=math.inf)
-    ledger.record(gravity)
+    ledger.record(GRAVITY)
     return ledger
 
 
@@ -144,10 +144,10 @@ def imbalance(before, after, seconds=0.0, gravity=GRAVITY):
     return change - before.mass * seconds * np.array(gravity)
 
 
-def energies(sim, g=9.81):
+def energies(sim):
     """Returns the kinetic and the potential energy [J] of the particles."""
     m, (x, v) = masses(sim), vectors(sim)
-    return np.array([0.5 * m @ (v**2).sum(axis=1), g * m @ x[:, 1]])
+    return np.array([0.5 * m @ (v**2).sum(axis=1), 9.81 * m @ x[:, 1]])
 
 
 # Yield of kernel sums under uniform expansion, by support radius over spacing; see density.py.
@@ -169,9 +169,10 @@ def relative_density(summed, smoothing):
     return 1.0 + (summed - 1.0) / YIELD[smoothing]
 
 
-def fill(field, values):
-    """Sets the first n elements of a field (capacity,) to values (n,) and the others to zero."""
-    field.from_numpy(np.pad(values.astype(np.float32), (0, field.shape[0] - len(values))))
+def fill(field, values, kind=np.float32):
+    """Sets the first elements of a field to values (n,) or (n, 3), and the others to zero."""
+    rest = [(0, field.shape[0] - len(values)), (0, 0)]
+    field.from_numpy(np.pad(values, rest[: values.ndim]).astype(kind))
 
 
 def leave_in_copies(sim, value):

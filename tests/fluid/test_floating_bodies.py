@@ -20,6 +20,7 @@ from tests.fluid.fluid_kit import (
     GRAVITY,
     advance,
     block_of,
+    fill,
     ledger_of,
     parts,
     record,
@@ -71,7 +72,7 @@ def test_operator_with_floating_bodies_is_symmetric_and_gives_its_energy():
 
     rng, n = np.random.default_rng(0), p.count
     for field in (p.velocity_multiplier, p.direction):
-        field.from_numpy(np.pad(rng.random(n), (0, field.shape[0] - n)).astype(np.float32))
+        fill(field, rng.random(n))
     multiply(n, p.velocity_multiplier, p.direction, 0)
     multiply(n, p.direction, p.velocity_multiplier, 1)
     assert products[0] == pytest.approx(products[1], rel=1e-4)

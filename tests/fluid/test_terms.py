@@ -17,6 +17,7 @@ from tests.fluid.fluid_kit import (
     all_pairs,
     ball,
     drifts,
+    fill,
     lattice,
     listed,
     momenta,
@@ -89,8 +90,7 @@ def test_the_initial_guess_of_the_implicit_solve_adds_no_angular_momentum(blob):
     force, volume = solver.force(Viscosity), all_pairs(blob)[0]
     guess = np.random.default_rng(0).uniform(-0.3, 0.3, (n, 3))
     guess -= np.average(guess, axis=0, weights=volume)
-    rest = ((0, blob.particles.viscous_change.shape[0] - n), (0, 0))
-    blob.particles.viscous_change.from_numpy(np.pad(guess.astype(np.float32), rest))
+    fill(blob.particles.viscous_change, guess)
     before = momenta(blob, MIDDLE)
     force.apply(10.0 * viscosity.MAX_EXPLICIT / force.stiffness, WEIGHTLESS)
     assert max(drifts(before, momenta(blob, MIDDLE))) < 1e-5
@@ -184,8 +184,7 @@ def test_taylor_green_vortex_decays_at_the_rate_of_its_viscosity(tank, steps):
     term, x = tank.solver.force(Viscosity), np.pi * tank.particles.numpy("x").astype(float)
     x, y, z = x.T
     shape = np.column_stack([np.sin(x) * np.cos(z), 0.0 * y, -np.cos(x) * np.sin(z)])
-    rest = ((0, tank.particles.v.shape[0] - len(shape)), (0, 0))
-    tank.particles.v.from_numpy(np.pad(shape.astype(np.float32), rest))
+    fill(tank.particles.v, shape)
     rate, seconds = 2.0 * np.pi**2 * term.nu, 0.4 if steps > 1 else 2.0
     for _ in range(steps):
         term.apply(seconds / steps, WEIGHTLESS)
@@ -225,7 +224,7 @@ def test_walls_without_slip_act_symmetrically_and_brake(corner):
     volume = of_layers(sim, "volume")
     fields, found = rng.normal(size=(2, n, 3)), []
     for v in fields:
-        sim.particles.v.from_numpy(np.resize(v, (*sim.particles.v.shape, 3)).astype(np.float32))
+        fill(sim.particles.v, v)
         solver.force(Viscosity).start_round(n, 1.0)
         found.append(sim.particles.numpy("viscous_residual").astype(float))
     work = np.einsum("pnk,n,qnk->pq", fields, volume, np.array(found))

@@ -24,7 +24,6 @@ from msph.measure.host_kernels import wendland
 from msph.own_files import OutputError
 from msph.scene import load_scene
 from msph.scene.parts import with_value
-from msph.stage import loaded_scene
 from msph.stage.loop import run
 from msph.stage.recorder import LostOutputError, Recorder
 from msph.stage.row import Row
@@ -65,9 +64,8 @@ def test_vtu_bodies_have_their_motion_and_the_forces_of_the_water(tmp_path):
     show.close()
 
 
-def test_a_checkpoint_with_added_water_is_resumed(tmp_path, monkeypatch):
+def test_a_checkpoint_with_added_water_is_resumed(tmp_path):
     """Regression: the checkpoint had more particles than the scene has room for."""
-    monkeypatch.setattr(loaded_scene, "start", lambda arch, threads: "cpu")
     scene = write(tmp_path, POOL + LAYERED)
     show = Show(load_scene(scene), 1 / FPS, **SIMULATED)
     room, size = show.simulation.plan.initial["x"].shape[0], np.array(show.simulation.size)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from msph.scene import load_scene
-from msph.stage import commands, loaded_scene
+from msph.stage import commands
 from msph.stage.choice import Choice, SceneArguments
 from msph.stage.controls import Controls
 from msph.stage.input_relays import InputRecorder, Replayer
@@ -157,12 +157,7 @@ def test_a_replay_in_a_window_ignores_user_input_until_its_end(played):
     row.close()
 
 
-@pytest.fixture
-def one_taichi(monkeypatch):
-    monkeypatch.setattr(loaded_scene, "start", lambda arch, threads: "cpu")
-
-
-def test_capture_and_measure_end_in_the_state_of_the_session(played, one_taichi, tmp_path):
+def test_capture_and_measure_end_in_the_state_of_the_session(played, tmp_path):
     path, state = played
     duration = read(path).duration
     number = math.ceil(duration)
@@ -178,7 +173,7 @@ def test_capture_and_measure_end_in_the_state_of_the_session(played, one_taichi,
     assert summary["complete"] and abs(summary["errors"]["mass_change"]) < 1e-6
 
 
-def test_a_capture_records_the_frames_that_are_due(played, one_taichi, tmp_path):
+def test_a_capture_records_the_frames_that_are_due(played, tmp_path):
     path, _ = played
     end = read(path).duration
     names = tmp_path / "p_%03d.npz"
@@ -190,13 +185,13 @@ def test_a_capture_records_the_frames_that_are_due(played, one_taichi, tmp_path)
     assert (late > -1e-6).all() and (late < 1 / 20).all()
 
 
-def test_bench_runs_the_recorded_frames(played, one_taichi, tmp_path):
+def test_bench_runs_the_recorded_frames(played, tmp_path):
     rows = tmp_path / "rows.json"
     done("bench", "--replay", played[0], "--no-render", "--json", rows)
     assert json.loads(rows.read_text())[0]["frames"] == read(played[0]).moving
 
 
-def test_play_without_a_display_records_and_replays(played, one_taichi, tmp_path, monkeypatch):
+def test_play_without_a_display_records_and_replays(played, tmp_path, monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.setattr(commands, "FALLBACK_SIZE", (64, 36))
     monkeypatch.chdir(tmp_path)
