@@ -159,8 +159,7 @@ def still(tmp_path_factory):
     folder = tmp_path_factory.mktemp("still")
     simulation = build_simulation(load(folder, POOL + LAYERED + BODY))
     simulation.warm_up(1e-3)  # attempts are timed without compiling
-    yield simulation, simulation.state()
-    simulation.close()
+    return simulation, simulation.state()
 
 
 BODY = """

@@ -15,16 +15,14 @@ MASSES = (0.05, 0.2)
 MU = (3.0, 7.0)
 
 
-def spec(mass, mu, wendland=False):
-    return LayerSpec(mass, 1000.0, 2.0, gravity_factor=1.0, viscosity=mu, wendland=wendland)
-
-
-def cloud(seed=1, per_layer=150):
+def cloud(terms, viscosities=MU):
     """Returns two interpenetrating layers with random velocities in the middle of the box."""
-    rng = np.random.default_rng(seed)
-    n = 2 * per_layer
-    x, v = rng.uniform(0.2, 0.55, (n, 3)), rng.normal(0.0, 1.0, (n, 3))
-    return {"x": x, "v": v, "layer": np.repeat([0, 1], per_layer)}
+    specs = [
+        LayerSpec(m, 1000.0, 2.0, viscosity=mu) for m, mu in zip(MASSES, viscosities, strict=True)
+    ]
+    rng = np.random.default_rng(1)
+    x, v = rng.uniform(0.2, 0.55, (300, 3)), rng.normal(0.0, 1.0, (300, 3))
+    return simulate(SIZE, specs, x, np.repeat([0, 1], 150), v, terms)
 
 
 def spiky_slope(r, h):
@@ -68,14 +66,9 @@ SWITCHES = {
 }
 
 
-def cloud_with(terms):
-    specs = [spec(m, mu) for m, mu in zip(MASSES, MU, strict=True)]
-    return simulate(SIZE, specs, **cloud(), terms=terms)
-
-
 @pytest.mark.parametrize("name", SWITCHES)
 def test_densities_and_forces_equal_the_formulas(name):
-    sim = cloud_with(SWITCHES[name])
+    sim = cloud(SWITCHES[name])
     solver = sim.solver
     solver.find_accelerations()
     x, v, layer = (sim.particles.numpy(k) for k in ("x", "v", "layer"))
@@ -88,8 +81,7 @@ def test_densities_and_forces_equal_the_formulas(name):
 def test_stiffness_and_viscosity_change_in_a_running_simulation():
     """The second layer has its own viscosity. Regression: both values were compiled in."""
     terms = ClassicParameters()
-    specs = [spec(MASSES[0], terms.viscosity), spec(MASSES[1], 3.0)]
-    sim = simulate(SIZE, specs, **cloud(), terms=terms)
+    sim = cloud(terms, (terms.viscosity, 3.0))
     sim.solver.measure_density()
     before, step = sim.particles.numpy("pressure"), sim.solver.longest_step()
     changes = {"stiffness": 4.0 * terms.stiffness, "viscosity": 0.0}
@@ -102,7 +94,7 @@ def test_stiffness_and_viscosity_change_in_a_running_simulation():
 
 def pair_force_sum(terms):
     """Returns |sum m a| / sum m |a| of a cloud at rest, zero if pair forces are antisymmetric."""
-    sim = cloud_with(terms)
+    sim = cloud(terms)
     sim.initial["v"][:] = 0.0
     sim.reset()
     solver = sim.solver

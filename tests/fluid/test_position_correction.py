@@ -94,10 +94,10 @@ def test_background_pressure_is_weaker_in_calm_water(collision):
     assert spread(0.0, dt) < spread(0.4 * brisk, dt) < 0.95 * full
 
 
-def mixture(halvings, cells, seed=0):
+def mixture(halvings, cells):
     """Returns points and layers of a cube of 1 m that consists of cells of equal volume; half of
     them, chosen at random, are halved `halvings` times."""
-    rng, d = np.random.default_rng(seed), 1.0 / cells
+    rng, d = np.random.default_rng(0), 1.0 / cells
     coarse = lattice((cells,) * 3, d)
     chosen = rng.permutation(len(coarse)) % 2 == 0
     fine, edges = coarse[chosen], np.full((chosen.sum(), 3), d)

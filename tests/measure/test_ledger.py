@@ -32,8 +32,7 @@ def shared():
     x, v = rng.uniform(0.2, 0.8, (n, 3)), rng.normal(0.0, 1.0, (n, 3))
     layers = [LayerSpec(m, 1000.0, 2.0, viscosity=1.0) for m in MASSES]
     sim = simulate(SIZE, layers, x, rng.integers(0, 2, n), v, ClassicParameters())
-    yield sim, Ledger(sim)
-    sim.close()
+    return sim, Ledger(sim)
 
 
 @pytest.fixture
@@ -51,8 +50,7 @@ def pool():
     x = lattice((8, 7, 8), d)
     layers = [spec_of(d, 2.0), LayerSpec(1050.0 * d**3, 1000.0, 2.0)]
     sim = simulate((8 * d, 10 * d, 8 * d), layers, x, x[:, 1] < 4 * d)
-    yield sim, Ledger(sim)
-    sim.close()
+    return sim, Ledger(sim)
 
 
 # The next tests run before `world` is built, and use its fields.
@@ -79,7 +77,6 @@ def test_motion_energy_is_the_energy_above_level_water():
     expected = 9810.0 * (0.12 * 0.1 + 0.28 * (0.2 + 0.14))
     found = level_potential(block, np.array(G), mass)
     assert found == pytest.approx(expected, rel=1e-2)
-    block.close()
 
 
 def test_fine_water_is_not_added_between_coarse_particles():
@@ -93,7 +90,6 @@ def test_fine_water_is_not_added_between_coarse_particles():
     rng = np.random.default_rng(1)
     sites = (middle + rng.uniform(-0.2, 0.2, (200, 3))).astype(np.float32)
     assert sim.add(sites, np.zeros_like(sites), finest, G) == 0
-    sim.close()
 
 
 @pytest.mark.parametrize("tension", [0.0, 0.072])
@@ -108,7 +104,6 @@ def test_energy_gains_are_unknown_under_surface_tension(tension):
     found = errors(ledger, [])
     names = ("energy_gain", "energy_gain_of_motion", "energy_rise_in_1_s")
     assert all(math.isnan(found[name]) for name in names) == (tension > 0.0)
-    sim.close()
 
 
 def test_added_water_is_recorded_and_overlaps_nothing(pool, monkeypatch):

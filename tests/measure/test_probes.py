@@ -46,8 +46,8 @@ def beside_pillar(points, margin):
     return outside >= margin
 
 
-def round_pillar(keep=lambda x: x[:, 1] < LEVEL):
-    x = filled(jitter=0.2, keep=lambda x: keep(x) & beside_pillar(x, 0.0))
+def round_pillar():
+    x = filled(jitter=0.2, keep=lambda x: (x[:, 1] < LEVEL) & beside_pillar(x, 0.0))
     return snapshot(x, pressure=field(x), free=beside_pillar, bodies=True)
 
 

@@ -125,8 +125,7 @@ def wet_place(show):
     return np.array(wet[len(wet) // 2]) / SIZE
 
 
-def played(row, layout, *, screen=None, choice=None, quality="medium"):
-    choice = choice or Choice("pool", "auto")
-    choice = replace(choice, found=quality)
+def played(row, layout, *, screen=None, choice=None):
+    choice = replace(choice or Choice("pool", "auto"), found="medium")
     kind = Sender if isinstance(row, Asked) else Player
     return kind(screen or Screen(), row, choice, layout, SceneArguments("pool"))

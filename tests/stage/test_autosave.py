@@ -43,10 +43,10 @@ def row(tmp_path):
     row.close()
 
 
-def session(row, scene, *frames, overrides=(), end=None):
+def session(row, scene, *frames, end=None):
     """Runs a session of the given numbers of frames in turn, and raises `end`, if given."""
     with session_file() as path:
-        saver = Autosaver(path, Header.of(scene, "large", overrides))
+        saver = Autosaver(path, Header.of(scene, "large"))
         for number in frames:
             run(row, Count(), number, [saver])
             if saver.writer:

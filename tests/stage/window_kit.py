@@ -142,8 +142,9 @@ def read_xwd(path):
     return pixels[:, :, 2::-1].astype(int)
 
 
-def wait_for(process, text, seen=""):
-    """Returns `seen` and further lines of a process, up to a line with this text."""
+def wait_for(process, text):
+    """Returns the lines of a process up to a line with this text."""
+    seen = ""
     while text not in seen:
         line = process.stdout.readline()
         assert line, f"play ended: {seen}"
