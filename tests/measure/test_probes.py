@@ -16,6 +16,7 @@ from msph.scene.bodies import bodies
 from msph.scene.schema import Scene
 from msph.scene.water import layer_specs
 from tests.boundary_kit import boundary_of
+from tests.fluid.fluid_kit import block_of
 
 SIZE = (0.8, 0.8, 0.8)
 D = 0.04
@@ -24,8 +25,7 @@ RHO_G_D = 9810 * D
 
 
 def filled(jitter=0.0, keep=lambda x: x[:, 1] < LEVEL, d=D):
-    n = round(SIZE[0] / d)
-    x = (np.indices((n, n, n)).reshape(3, -1).T + 0.5) * d
+    x = block_of(SIZE, d)
     x = x[keep(x)]
     return x + np.random.default_rng(4).uniform(-0.5, 0.5, x.shape) * jitter * d
 

@@ -7,14 +7,11 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from msph.fluid.boundary.rigid_bodies import Body
-from msph.fluid.plan import Plan
-from msph.fluid.projection.parameters import ProjectionParameters
-from msph.fluid.simulation import Simulation
 from msph.state import Moment, state_of
 from msph.surface import SurfaceMesh, SurfaceRoom, surface_of
 from msph.surface.lattice import Lattice
 from msph.surface.marching_cubes import MarchingCubes
-from tests.fluid.fluid_kit import spec_of
+from tests.fluid.fluid_kit import lattice, simulate, spec_of
 
 SIZE = (0.6, 0.5, 0.4)
 FINE = 0.03  # spacing of the finer layer [m]
@@ -90,13 +87,12 @@ class Water:
         room: SurfaceRoom = SurfaceRoom(),  # noqa: B008
     ):
         specs = [spec_of(d, 2.0) for d in (FINE, COARSE)]
-        start = {"x": np.array([[0.3, 0.25, 0.2]], np.float32), "layer": np.zeros(1, np.int32)}
-        plan = Plan(SIZE, specs, start, ProjectionParameters(), bodies, capacity=6000)
-        self.simulation = sim = Simulation(plan)
+        x = np.array([[0.3, 0.25, 0.2]])
+        self.simulation = sim = simulate(SIZE, specs, x, bodies=bodies, capacity=6000)
         self.layers, self.particles, self.grid = sim.layers, sim.particles, sim.grid
         self.boundary = sim.boundary
         self.state = sim.world.build_once(state_of)
-        self.state.load(plan)
+        self.state.load(sim.plan)
         self.surface = self.state.build_once(surface_of, room)
         self.surface.load(SIZE, CELL)
         # Otherwise particles are spray that have the numbers of loose ones of an earlier test.
@@ -153,7 +149,6 @@ def packed(low, high, d: float, jitter: float = 0.0, seed: int = 0) -> np.ndarra
     from low to high [m]; jitter: largest displacement along each axis, in spacings."""
     low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
     counts = np.maximum(1, np.round((high - low) / d).astype(int))
-    axes = [(np.arange(n) + 0.5) / n for n in counts]
-    unit = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    unit = lattice(counts, 1.0) / counts
     noise = np.random.default_rng(seed).uniform(-jitter, jitter, unit.shape) * d
     return np.clip(low + unit * (high - low) + noise, 1e-4, np.array(SIZE) - 1e-4)
