@@ -219,39 +219,32 @@ def ticking(seconds):
     return lambda: seconds * next(ticks)
 
 
-@pytest.fixture
-def timed(show):
-    """Yields the show, whose clock tests may replace; restores the clock afterwards."""
-    clock = show.clock
-    yield show
-    show.clock = clock
-
-
-def test_time_slows_if_the_budget_is_short(timed):
-    sim, hurry = timed.simulation, Controls(budget=0.010)
-    timed.clock = ticking(0.0)
-    timed.frame(hurry)
+def test_time_slows_if_the_budget_is_short(show, monkeypatch):
+    sim, hurry = show.simulation, Controls(budget=0.010)
+    monkeypatch.setattr(show, "clock", ticking(0.0))
+    show.frame(hurry)
     steps = sim.steps
-    assert steps > 2 and sim.time == timed.simulated == timed.frame_time
+    assert steps > 2 and sim.time == show.simulated == show.frame_time
     # A step takes 6 ms, so the budget of 10 ms permits two.
-    timed.reset()
-    timed.clock = ticking(0.006)
-    timed.frame(hurry)
+    show.reset()
+    monkeypatch.setattr(show, "clock", ticking(0.006))
+    show.frame(hurry)
     assert sim.steps == 2
-    assert sim.time == timed.simulated == pytest.approx(2 / steps * timed.frame_time, rel=0.01)
-    assert timed.ledger.entries[-1].time == sim.time
+    assert sim.time == show.simulated == pytest.approx(2 / steps * show.frame_time, rel=0.01)
+    assert show.ledger.entries[-1].time == sim.time
 
 
 @pytest.mark.parametrize("fps", [60.0, 30.0])
-def test_playing_follows_the_wall_clock(timed, fps, monkeypatch):
-    watch = timed.clock = Stopwatch()
+def test_playing_follows_the_wall_clock(show, fps, monkeypatch):
+    watch = Stopwatch()
+    monkeypatch.setattr(show, "clock", watch)
     monkeypatch.setattr(time, "perf_counter", watch)
     monkeypatch.setattr(time, "sleep", watch.sleep)
     player = HeadlessPlayer(0.99, fps)
-    run(Row([timed]), player)
+    run(Row([show]), player)
     assert player.walls == pytest.approx([1.0 / fps] * round(fps))
     assert player.simulated == pytest.approx(player.walls)
-    assert sum(player.simulated) == pytest.approx(timed.simulation.time)
+    assert sum(player.simulated) == pytest.approx(show.simulation.time)
 
 
 def test_surface_encloses_the_volume_of_the_water(show):

@@ -37,8 +37,7 @@ def volume(found: np.ndarray) -> float:
 @pytest.fixture
 def surface(water):
     water.surface.reset()
-    yield water.surface
-    water.surface.reset()
+    return water.surface
 
 
 def test_patterns_are_balanced_and_equal():
