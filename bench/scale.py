@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from bench import rows, tanks
-from bench.tables import Bench, Table, markdown
+from bench.tables import BETWEEN, Bench, Table, markdown
 from msph.fluid.adaptivity.bands import AdaptationParameters, bands
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.particles.layers import LayerSpec
@@ -164,7 +164,7 @@ def ratios(known: list[dict]) -> list[str]:
     starts = dict.fromkeys(row["start"] for row in known)
 
     def ratio(phase: str, fast: tuple[str, str], slow: tuple[str, str]) -> str:
-        both = [[(" | ".join(case), k, phase) for case in (slow, fast)] for k in starts]
+        both = [[(BETWEEN.join(case), k, phase) for case in (slow, fast)] for k in starts]
         found = [times[a] / times[b] for a, b in both if a in times and b in times]
         return rows.spread(found, ".2f") if found else "-"
 
@@ -256,11 +256,11 @@ def memory(sim: Simulation) -> dict[str, float]:
     }
 
 
-def slope(x: list[float], y: list[float]) -> float:
-    """Returns the exponent (-) of the power law fitted to points with x >= FIT_FROM, or to all if
-    there are fewer than two such points."""
-    large = [(a, b) for a, b in zip(x, y, strict=True) if a >= FIT_FROM]
-    points = large if len(large) > 1 else list(zip(x, y, strict=True))
+def slope(points: list[tuple[float, float]]) -> float:
+    """Returns the exponent (-) of the power law fitted to points (x, y) with x >= FIT_FROM, or to
+    all if there are fewer than two such points."""
+    large = [(x, y) for x, y in points if x >= FIT_FROM]
+    points = large if len(large) > 1 else points
     return float(np.polyfit(*np.log(np.array(points)).T, 1)[0]) if len(points) > 1 else math.nan
 
 
@@ -268,27 +268,23 @@ def slope(x: list[float], y: list[float]) -> float:
 QUANTITIES = ("ms per frame", "us per particle and step", "bytes per particle", "process MiB")
 
 
-def series(known: list[dict], quantity: str) -> dict[str, tuple[list[float], list[float]]]:
-    """Returns fine-equivalent numbers of particles and a quantity, by kind of water and device."""
-    found: dict[str, tuple[list[float], list[float]]] = {}
-    for row in known:
-        if quantity in row:
-            kind, fine = row["case"].split(" | ")
-            x, y = found.setdefault(f"{kind}, {row['table']}", ([], []))
-            x.append(float(fine.replace(",", "")))
-            y.append(float(row[quantity]))
-    return found
-
-
 def slopes(known: list[dict]) -> list[str]:
-    """Returns the table of exponents over the fine-equivalent number of particles."""
-    lines: dict[str, dict[str, str]] = {}
-    for quantity in QUANTITIES:
-        for name, points in series(known, quantity).items():
-            line = lines.setdefault(name, {"water": name})
-            line[quantity] = f"{slope(*points):.2f}"
+    """Returns the table of exponents over the fine-equivalent number of particles, by kind of water
+    and device."""
+    found: dict[str, list[tuple[float, dict]]] = {}
+    for row in known:
+        kind, fine = row["case"].split(BETWEEN)
+        series = found.setdefault(f"{kind}, {row['table']}", [])
+        series.append((float(fine.replace(",", "")), row))
+    lines = []
+    for name, series in found.items():
+        line = {"water": name}
+        for quantity in QUANTITIES:
+            points = [(n, float(row[quantity])) for n, row in series if quantity in row]
+            line |= {quantity: f"{slope(points):.2f}"} if points else {}
+        lines.append(line)
     title = f"## Exponents over the fine-equivalent number, from {FIT_FROM:,} particles\n"
-    return [title, markdown(list(lines.values()))]
+    return [title, markdown(lines)]
 
 
 SCALE_FORMS = {

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import taichi as ti
 
-from bench.tables import Bench, Table
+from bench.tables import Bench, Table, forms
 from bench.tanks import FRAME, milliseconds
 from msph.constants import DEFAULT_SCENE
 from msph.device import start
@@ -57,32 +57,41 @@ def errors(scene: str, seed: int) -> dict[str, float]:
         options = ["--arch", start(), "--seconds", str(SECONDS), "--set", f"seed={seed}"]
         command("measure", scene, "-o", folder, *options)
         found = json.loads((Path(folder) / "summary.json").read_text())
-    known = {
-        "particles at the end": sum(found["particles_end"]),
-        "ms per frame": found["frame_ms_p50"],
-        "first quartile": found["frame_ms_p25"],
-        "third quartile": found["frame_ms_p75"],
-        "real-time factor": found["simulated_per_wall"],
-        **gain(scene),
-        **{name: found["errors"][key] for name, (key, _) in ERRORS.items()},
-    }
+    found |= {"count": sum(found["particles_end"]), **found["errors"], **gain(scene)}
+    known = {name: found.get(key) for name, (_, key) in ERRORS.items()}
     return {name: value for name, value in known.items() if value is not None}
 
 
-# Errors of `msph measure`: key and format.
+# Figures of `msph measure`, and the speed-ups: format and key.
 ERRORS = {
-    "bulk density error, mean": ("bulk_density_error_mean", "+.2%"),
-    "worst": ("bulk_density_error_worst", "+.2%"),
-    "at the end": ("bulk_density_error_last", "+.2%"),
-    "volume error, mean": ("volume_error_mean", "+.2%"),
-    "energy rise in 1 s": ("energy_rise_in_1_s", "+.2%"),
-    "kernel density error, mean": ("kernel_density_error_mean", "+.2%"),
-    "99th percentile of it": ("kernel_density_error_p99", "+.2%"),
-    "solver residual, mean": ("solver_residual_mean", "+.2%"),
-    "99th percentile": ("solver_residual_p99", "+.2%"),
-    "largest": ("solver_residual_max", "+.2%"),
-    "mass change": ("mass_change", ".0e"),
-    "outside": ("outside_most", ".0f"),
+    "particles at the end": (",.0f", "count"),
+    "ms per frame": (".1f", "frame_ms_p50"),
+    "first quartile": (".1f", "frame_ms_p25"),
+    "third quartile": (".1f", "frame_ms_p75"),
+    "real-time factor": (".2f", "simulated_per_wall"),
+    "speed-up over uniform": (".2f", "faster"),
+    "over particles": (".2f", "over_particles"),
+    "bulk density error, mean": ("+.2%", "bulk_density_error_mean"),
+    "worst": ("+.2%", "bulk_density_error_worst"),
+    "at the end": ("+.2%", "bulk_density_error_last"),
+    "volume error, mean": ("+.2%", "volume_error_mean"),
+    "energy rise in 1 s": ("+.2%", "energy_rise_in_1_s"),
+    "kernel density error, mean": ("+.2%", "kernel_density_error_mean"),
+    "99th percentile of it": ("+.2%", "kernel_density_error_p99"),
+    "solver residual, mean": ("+.2%", "solver_residual_mean"),
+    "99th percentile": ("+.2%", "solver_residual_p99"),
+    "largest": ("+.2%", "solver_residual_max"),
+    "mass change": (".0e", "mass_change"),
+    "outside": (".0f", "outside_most"),
+}
+# Figures of `msph bench --play`: format and key.
+PLAY = {
+    "particles": (",.0f", "count"),
+    "displayed frames/s": (".0f", "frames_per_second"),
+    "slowest 5 %": (".0f", "slowest_frames_per_second"),
+    "real-time factor": (".2f", "simulated_per_wall"),
+    "image scale": (".2f", "picture_scale"),
+    "solver residual, mean": (".3%", "solver_residual_mean"),
 }
 
 
@@ -107,7 +116,7 @@ def gain(name: str) -> dict[str, float]:
             times[k] += milliseconds(partial(show.frame, Controls()))
             counts[k] += sum(show.simulation.counts())
     faster = times[1] / times[0]
-    return {"speed-up over uniform": faster, "over particles": faster * counts[0] / counts[1]}
+    return {"faster": faster, "over_particles": faster * counts[0] / counts[1]}
 
 
 def played(scene: str, seconds: float, quality: str, cache: str = "") -> dict[str, Any]:
@@ -123,15 +132,8 @@ def play(scene: str, seed: int) -> dict[str, Any]:
     """Returns the figures of a scene that is played in real time."""
     played(scene, 0.1, PLAYED_QUALITY)  # fills the kernel cache
     found = played(scene, PLAYED, PLAYED_QUALITY)
-    return {
-        "quality": found["quality"],
-        "particles": sum(found["particles"]),
-        "displayed frames/s": found["frames_per_second"],
-        "slowest 5 %": found["slowest_frames_per_second"],
-        "real-time factor": found["simulated_per_wall"],
-        "image scale": found["picture_scale"],
-        "solver residual, mean": found["solver_residual_mean"],
-    }
+    found["count"] = sum(found["particles"])
+    return {"quality": found["quality"], **{name: found[key] for name, (_, key) in PLAY.items()}}
 
 
 def starts(seed: int) -> dict[str, float]:
@@ -290,16 +292,7 @@ BENCHES = {
                 f"{SECONDS:g} s of each scene",
                 ("scene",),
                 {(name,): partial(errors, name) for name in SCENES},
-                {
-                    "particles at the end": ",.0f",
-                    "ms per frame": ".1f",
-                    "first quartile": ".1f",
-                    "third quartile": ".1f",
-                    "real-time factor": ".2f",
-                    "speed-up over uniform": ".2f",
-                    "over particles": ".2f",
-                    **{name: form for name, (_, form) in ERRORS.items()},
-                },
+                forms(ERRORS),
                 starts=1,
             )
         },
@@ -322,14 +315,7 @@ BENCHES = {
                 f"{PLAYED:g} s of elapsed time each, image 960x540, quality {PLAYED_QUALITY}",
                 ("scene",),
                 {(name,): partial(play, name) for name in SCENES},
-                {
-                    "particles": ",.0f",
-                    "displayed frames/s": ".0f",
-                    "slowest 5 %": ".0f",
-                    "real-time factor": ".2f",
-                    "image scale": ".2f",
-                    "solver residual, mean": ".3%",
-                },
+                forms(PLAY),
                 starts=1,
             ),
         },

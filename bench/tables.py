@@ -85,7 +85,7 @@ def figures(declared: Declared, found: Any) -> Figures:
     return {name: of(found) for name, (_, of) in declared.items()}
 
 
-def forms(declared: Declared) -> dict[str, str]:
+def forms(declared: dict[str, tuple[str, Any]]) -> dict[str, str]:
     """Returns the formats of declared figures."""
     return {name: form for name, (form, _) in declared.items()}
 
@@ -142,24 +142,20 @@ def groups(table: Table, own: list[dict]) -> dict[tuple[str, ...], dict[str, str
 def shown(table: Table, own: list[dict]) -> str:
     """Returns the rows of a table as Markdown."""
     found = groups(table, own)
-    figures = list(dict.fromkeys(f for cells in found.values() for f in cells))
-    figures.sort(key=[*table.forms, "failure"].index)
+    known = {name for cells in found.values() for name in cells}
+    names = [name for name in (*table.forms, "failure") if name in known]
     if table.across:
-        lines = [
-            {
-                "figure": figure,
-                **({"target": table.targets.get(figure, "")} if table.targets else {}),
-                **{", ".join(first): cells.get(figure, "") for first, cells in found.items()},
-            }
-            for figure in figures
-        ]
+        lines = []
+        for name in names:
+            target = {"target": table.targets.get(name, "")} if table.targets else {}
+            cells = {", ".join(first): cells.get(name, "") for first, cells in found.items()}
+            lines.append({"figure": name, **target, **cells})
         return markdown(lines)
     labels = [[k for k in row if k not in META and k not in table.forms] for row in own]
-    more = max(labels, key=len)
-    heads = (*table.heads, *more)
+    heads = (*table.heads, *max(labels, key=len))
     return markdown(
         [
-            {**dict(zip(heads, first, strict=False)), **{f: cells.get(f, "-") for f in figures}}
+            {**dict(zip(heads, first, strict=False)), **{k: cells.get(k, "-") for k in names}}
             for first, cells in found.items()
         ]
     )

@@ -248,6 +248,11 @@ def build(scene: Scene) -> Simulation:
     return sim
 
 
+def largest_rise(energies: list[float]) -> float:
+    """Returns the largest rise of energies over an earlier one."""
+    return float((energies - np.minimum.accumulate(energies)).max())
+
+
 def water_volume(sim: Simulation) -> float:
     """Returns the volume of the water at rest [m^3]."""
     specs = sim.layers.specs

@@ -147,7 +147,7 @@ def test_every_bench_has_runs_and_formats(name):
 def test_slopes_and_layers_of_scale() -> None:
     """Exponents are fitted to large runs only, and finer pools have more layers."""
     sizes = [1e3, 1e4, 1e5, 1e6]
-    assert abs(scale.slope(sizes, [5.0, 1.0, 10.0, 100.0]) - 1.0) < 1e-9
+    assert abs(scale.slope(list(zip(sizes, [5.0, 1.0, 10.0, 100.0], strict=True))) - 1.0) < 1e-9
     layers = [scale.layers_of(n) for n in scale.ALONG]
     assert layers[0] >= 2 and layers == sorted(layers) and layers[-1] <= 16
     assert scale.scene_of(scale.LAYERED, 100).adaptation.capacity < 1_000_000 / 4

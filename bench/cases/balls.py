@@ -32,12 +32,11 @@ def collision(setting: Setting) -> tuple[Run, dict[str, float]]:
     energies, mass = [run.water.energy(0.0)], run.water.masses().sum()
     run.go(SECONDS, lambda: energies.append(run.water.energy(0.0)), gravity=0.0)
     after, turned, _, _ = run.water.momenta(middle)
-    rise = np.maximum.accumulate(np.array(energies)[::-1])[::-1] - energies
     return run, {
         "angular_momentum": float(np.linalg.norm(turned - angular)) / spin,
         "momentum": float(np.linalg.norm(after - linear)) / scale,
         "mass": float(abs(run.water.masses().sum() / mass - 1.0)),
-        "energy_rise": float(rise.max() / energies[0]),
+        "energy_rise": tanks.largest_rise(energies) / energies[0],
     }
 
 
@@ -62,12 +61,11 @@ def falling(setting: Setting) -> tuple[Run, dict[str, float]]:
     )
     lost = 1.0 - energies[-1] / energies[0]
     run.go(AFTER, lambda: energies.append(run.water.energy()))
-    rise = np.maximum.accumulate(np.array(energies)[::-1])[::-1] - energies
     return run, {
         "loss": abs(lost),
         "way": off / fall,
         "energy": abs(kept),
-        "energy_rise": float(rise.max() / first),
+        "energy_rise": tanks.largest_rise(energies) / first,
     }
 
 

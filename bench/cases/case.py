@@ -88,9 +88,9 @@ class Run:
     """Timed run of water, with its density errors.
 
     wall, cpu: elapsed and processor time [s] of `simulated` [s]; others: mean number of cores that
-    other processes kept busy (-); steps, iterations: totals of all frames; residual, p99 and
-    largest: mean, 99th percentile and maximum of the solver residual (-) in each frame; kernel:
-    mean and 99th percentile of the kernel density error (-), every KERNEL_EVERY frames.
+    other processes kept busy (-); steps, iterations: totals of all frames; residuals: mean, 99th
+    percentile and maximum of the solver residual (-) in each frame; kernel: mean and 99th
+    percentile of the kernel density error (-), every KERNEL_EVERY frames.
     """
 
     water: Water
@@ -99,9 +99,7 @@ class Run:
     simulated: float = 0.0
     steps: int = 0
     iterations: int = 0
-    residual: list[float] = field(default_factory=list)
-    p99: list[float] = field(default_factory=list)
-    largest: list[float] = field(default_factory=list)
+    residuals: list[tuple[float, float, float]] = field(default_factory=list)
     kernel: list[tuple[float, float]] = field(default_factory=list)
     _begun: tuple[float, float] = field(default_factory=lambda: (time.time(), others_busy()))
 
@@ -134,10 +132,8 @@ class Run:
 
     def _record(self) -> None:
         excess = self.water.residuals()
-        self.residual.append(float(excess.mean()))
-        self.p99.append(float(np.percentile(excess, 99.0)))
-        self.largest.append(float(excess.max()))
-        if len(self.residual) % KERNEL_EVERY == 1:
+        self.residuals.append((excess.mean(), np.percentile(excess, 99.0), excess.max()))
+        if len(self.residuals) % KERNEL_EVERY == 1:
             found = self.water.kernel_density()
             self.kernel.append((found.mean, found.p99))
 
@@ -149,7 +145,8 @@ class Run:
 
     def costs(self) -> dict[str, float]:
         """Returns the costs of the run and its density errors (-)."""
-        kernel = np.mean(self.kernel, axis=0)
+        residual, p99, largest = np.array(self.residuals).T
+        kernel, kernel_p99 = np.mean(self.kernel, axis=0)
         return {
             "wall_per_simulated": self.wall / max(self.simulated, 1e-9),
             "particles": self.water.count,
@@ -157,11 +154,11 @@ class Run:
             "others": self.others,
             "steps": self.steps,
             "iterations_per_step": self.iterations / max(self.steps, 1),
-            "solver_residual_mean": float(np.mean(self.residual)),
-            "solver_residual_p99": float(np.mean(self.p99)),
-            "solver_residual_max": max(self.largest),
-            "kernel_density_error_mean": float(kernel[0]),
-            "kernel_density_error_p99": float(kernel[1]),
+            "solver_residual_mean": float(residual.mean()),
+            "solver_residual_p99": float(p99.mean()),
+            "solver_residual_max": float(largest.max()),
+            "kernel_density_error_mean": float(kernel),
+            "kernel_density_error_p99": float(kernel_p99),
         }
 
 

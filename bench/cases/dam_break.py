@@ -60,20 +60,16 @@ def measure(setting: Setting) -> tuple[Run, dict[str, float]]:
     early = delayed <= HEIGHT_UNTIL
     off_z = np.interp(seen_t - GATE, t, z) / seen_z - 1.0
     off_z_unshifted = np.interp(seen_t, t, z) / seen_z - 1.0
-    passed, seen = (
-        np.diff(np.interp(BETWEEN, z, t))[0],
-        np.diff(np.interp(BETWEEN, seen_z, seen_t))[0],
-    )
+    passed, seen = (np.diff(np.interp(BETWEEN, *of))[0] for of in ((z, t), (seen_z, seen_t)))
     off_h = np.interp(delayed[early], t, h) - seen_h[early]
     at = int(np.argmin(np.abs(t - COMPARED)))
-    energy = np.maximum.accumulate(np.array(energies)[::-1])[::-1] - energies
     return run, {
         "front": float(np.sqrt(np.mean(off_z**2))),
         "front_without_shift": float(np.sqrt(np.mean(off_z_unshifted**2))),
         "front_speed": float(abs(seen / passed - 1.0)),
         "height": float(np.sqrt(np.mean(off_h**2))),
         "beyond_ritter": float(max(0.0, np.max(z - 1.0 - 2.0 * t))),
-        "energy_rise": float(energy.max() / energies[0]),
+        "energy_rise": tanks.largest_rise(energies) / energies[0],
         "front_at_T_2_over_a": float(z[at]),
         "centre_x_at_T_2_over_a": float(centres[at][0] / A),
         "centre_y_at_T_2_over_a": float(centres[at][1] / A),
