@@ -12,7 +12,6 @@ from bench.heave_theory import decay
 from msph.fluid.boundary.rigid_bodies import volume
 from msph.fluid.external_forces import ExternalForces
 from msph.fluid.simulation import Simulation
-from msph.measure.ledger import Ledger
 
 # Simulated times of drafts, of cubes that turn and of hard cases [s]. A floating body bobs until
 # the end: drafts are means over the last BOBS [s], about five periods.
@@ -42,21 +41,6 @@ def build(layers: int, bodies: list[dict], seed: int, fine: float = FINE) -> Sim
     return tanks.build(tanks.tank((EDGE, EDGE), DEPTH, fine, layers, 0.4, seed=seed, bodies=bodies))
 
 
-def run(
-    sim: Simulation, seconds: float, gravity: float = tanks.GRAVITY
-) -> tuple[Ledger, np.ndarray, np.ndarray]:
-    """Runs a simulation; returns the ledger, and the positions [m] and rotation matrices of the
-    floating bodies after each frame, (frames, bodies, 3) and (frames, bodies, 3, 3)."""
-    places, turns, forces = [], [], ExternalForces((0.0, -gravity, 0.0))
-
-    def read() -> None:
-        places.append(sim.boundary.floating.x.copy())
-        turns.append(sim.boundary.floating.turn.copy())
-
-    ledger = tanks.recorded(sim, seconds, lambda time: forces, read)
-    return ledger, np.array(places), np.array(turns)
-
-
 def draft(kind: str, density: float, layers: int, fine: float, seed: int) -> dict[str, Any]:
     """Returns the figures of a body that floats: mean error over the last BOBS [s] of the height
     of its waterline, over the body's height; fine [m]: finest spacing."""
@@ -72,14 +56,17 @@ def draft(kind: str, density: float, layers: int, fine: float, seed: int) -> dic
     sim = build(layers, [{**shape, "density": density}], seed, fine)
     level = tanks.water_volume(sim) + volume(sim.boundary.bodies[0]) * density / 1000.0
     level /= EDGE**2
-    ledger, places, turns = run(sim, TURNING if kind == "cube" else AFLOAT)
-    last = round(BOBS / tanks.FRAME)
-    ups = turns[-last:, 0, 1]
-    # Heights of the waterline at which the submerged volume carries the body's weight.
-    wanted = [
-        y + np.quantile(samples @ up, density / 1000.0)
-        for y, up in zip(places[-last:, 0, 1], ups, strict=True)
-    ]
+    seconds, floating = TURNING if kind == "cube" else AFLOAT, sim.boundary.floating
+    # Vertical components of the body's axes, and heights of the waterline at which its submerged
+    # volume carries its weight.
+    ups, wanted = [], []
+
+    def read() -> None:
+        if sim.time > seconds - BOBS + 0.5 * tanks.FRAME:
+            ups.append(floating.turn[0, 1].copy())
+            wanted.append(floating.x[0, 1] + np.quantile(samples @ ups[-1], density / 1000.0))
+
+    ledger = tanks.recorded(sim, seconds, read=read)
     found = {
         "draft error": float((level - np.mean(wanted)) / HEIGHT),
         "energy gain": ledger.energy_gain(),
@@ -172,7 +159,7 @@ def collision(density: float, seed: int) -> dict[str, float]:
     bodies = [{**cube, "velocity": [-0.5, 0, 0], "spin": 50}]
     scene = tanks.scene((1, 1, 1), FINE, 1, [water], seed=seed, bodies=bodies)
     # After 0.32 s water reaches walls of the box, to which it gives momentum.
-    ledger, _, _ = run(tanks.build(scene), 0.3, gravity=0.0)
+    ledger = tanks.recorded(tanks.build(scene), 0.3, lambda time: ExternalForces((0, 0, 0)))
     first, last = ledger.entries[0], ledger.entries[-1]
     momentum = last.momentum + last.floating_momentum - first.momentum - first.floating_momentum
     angular = last.angular_momentum + last.floating_angular_momentum
@@ -212,7 +199,7 @@ HARD = {
 def hard(name: str, seed: int) -> dict[str, float]:
     """Returns the figures of a hard case."""
     sim = build(1, HARD[name], seed)
-    ledger, _, _ = run(sim, HARDSHIP)
+    ledger = tanks.recorded(sim, HARDSHIP)
     return {
         "energy gain": ledger.energy_gain(),
         "fastest body at the end [m/s]": np.linalg.norm(sim.boundary.floating.v, axis=1).max(),

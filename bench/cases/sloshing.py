@@ -25,16 +25,13 @@ SETTLE, READ = 1.0, 5.0
 VISCOSITY = 20.0
 
 
-def swing(
-    setting: Setting, depth: float = DEPTH, decay: float = 0.0, width: float = WIDTH, **more
-) -> tuple[Run, tanks.Reading, float, float, float]:
-    """Runs the tank; returns the run, its reading, period [s] and decay [1/s] of the fitted damped
-    cosine, and the rms difference of the centre of mass from theory over two periods, over the rms
-    displacement by theory.
-
-    depth [m] of the water; decay [1/s] of the amplitude by theory.
-    """
-    run = begin(setting, tank(setting, (LENGTH, width), depth, AIR, **more))
+def measure(
+    setting: Setting, depth: float = DEPTH, width: float = WIDTH, viscosity: float = 0.0
+) -> tuple[Run, dict[str, float]]:
+    """Runs a tank of `width` [m] with water `depth` [m] deep of a viscosity [Pa s]; returns the run
+    and its errors."""
+    terms = {"projection": {"viscosity": viscosity}} if viscosity else {}
+    run = begin(setting, tank(setting, (LENGTH, width), depth, AIR, **terms))
     run.go(SETTLE)
     tanks.slosh(run.water, depth, AMPLITUDE)
     reading, masses, begun = tanks.Reading(run.water), run.water.masses(), run.water.time
@@ -43,42 +40,21 @@ def swing(
     run.go(READ, reading.read)
     x, times = np.array(reading.centres)[:, 0], np.array(reading.times) - begun
     expected = tanks.slosh_period(LENGTH, depth)
+    decay = 2.0 * viscosity / 1000.0 * (math.pi / LENGTH) ** 2
     omega, early = 2.0 * math.pi / expected, times <= 2.0 * expected
     theory = speed / omega * np.exp(-decay * times) * np.sin(omega * times)
     apart = np.sqrt(np.mean((x - at_rest - theory)[early] ** 2) / np.mean(theory[early] ** 2))
-
     rate, period = tanks.fitted_wave(times, x, expected)
-    return run, reading, period, rate, float(apart)
-
-
-def inviscid(
-    setting: Setting, depth: float = DEPTH, width: float = WIDTH
-) -> tuple[Run, dict[str, float]]:
-    """Runs a tank without viscosity; returns the run and its errors."""
-    run, reading, period, rate, apart = swing(setting, depth, width=width)
-    theory = tanks.slosh_period(LENGTH, depth)
-    return run, {
-        "wave": apart,
-        "period": abs(period / theory - 1.0),
-        "damping": abs(rate) * theory / (2.0 * math.pi),
-        "height": abs(reading.volume_error()),
+    errors = {
+        "wave": float(apart),
+        "period": abs(period / expected - 1.0),
         "energy_rise": reading.energy_rise(),
         "energy_rise_of_motion": reading.energy_rise_of_motion(),
     }
-
-
-def viscous(setting: Setting) -> tuple[Run, dict[str, float]]:
-    """Runs the viscous tank; returns the run and its errors."""
-    theory = 2.0 * VISCOSITY / 1000.0 * (math.pi / LENGTH) ** 2
-    viscosity = {"viscosity": VISCOSITY}
-    run, reading, period, rate, apart = swing(setting, decay=theory, projection=viscosity)
-    return run, {
-        "wave": apart,
-        "decay": abs(rate / theory - 1.0),
-        "period": abs(period / tanks.slosh_period(LENGTH, DEPTH) - 1.0),
-        "energy_rise": reading.energy_rise(),
-        "energy_rise_of_motion": reading.energy_rise_of_motion(),
-    }
+    if viscosity:
+        return run, {**errors, "decay": abs(rate / decay - 1.0)}
+    height = abs(reading.volume_error())
+    return run, {**errors, "damping": abs(rate) / omega, "height": height}
 
 
 ENERGY = "largest rise of the energy in 1 s, over the potential energy"
@@ -101,7 +77,7 @@ SLOSHING = Case(
     "depth",
     INVISCID,
     (5, 7, 10, 15, 25),
-    inviscid,
+    measure,
     summary=("wave",),
     varied=(UNSHEARED,),
     peer=("wave", "damping", "period"),
@@ -112,7 +88,7 @@ DEEP_SLOSHING = Case(
     "depth",
     INVISCID,
     (20, 28, 40, 60, 14),  # the middle one, at which settings are varied, is 40
-    functools.partial(inviscid, depth=DEEP, width=DEEP_WIDTH),
+    functools.partial(measure, depth=DEEP, width=DEEP_WIDTH),
     kinds=(UNIFORM, ADAPTIVE),
     classic=(),
     summary=("wave",),
@@ -130,7 +106,7 @@ STANDING_WAVE = Case(
         "energy_rise_of_motion": OF_MOTION,
     },
     (7, 10, 15),
-    viscous,
+    functools.partial(measure, viscosity=VISCOSITY),
     kinds=(UNIFORM, ADAPTIVE),
     classic=(),
     varied=(UNSHEARED,),

@@ -49,11 +49,12 @@ def amplitude(water: Water, length: float = 1.0) -> float:
     return float((m * water.velocities() * shape).sum() / (m * shape**2).sum())
 
 
-def share_left(
+def measure(
     setting: Setting, nu: float, seconds: float, length: float = 1.0
-) -> tuple[Run, float]:
+) -> tuple[Run, dict[str, float]]:
     """Runs the vortex for `seconds` [s] at the kinematic viscosity nu [m^2/s] in a tank of `length`
-    [m]; returns the run and the final over the initial amplitude (-)."""
+    [m]; returns the run and the error (-) of the logarithm of the final over the initial
+    amplitude."""
 
     def begin_tank(**more) -> Run:
         return begin(setting, tank(setting, (length, WIDTH), DEPTH, AIR, max_layers=LAYERS, **more))
@@ -70,25 +71,9 @@ def share_left(
     run.water.set_velocities(run.water.velocities() + SPEED * vortex(run.water.positions(), length))
     begun = amplitude(run.water, length)
     run.go(seconds)
-    return run, amplitude(run.water, length) / begun
-
-
-def off(found: float, decay: float) -> float:
-    """Returns the error (-) of the logarithm of the relative amplitude `found` against -decay."""
-    return abs(float(np.log(max(found, LEAST_SHARE))) + decay)
-
-
-def viscous(setting: Setting, length: float = 1.0) -> tuple[Run, dict[str, float]]:
-    """Runs a viscous vortex; returns the run and its error."""
-    run, found = share_left(setting, NU, READ, length)
-    rate = NU * np.pi**2 * (1.0 / length**2 + 1.0 / WIDTH**2)
-    return run, {"amplitude": off(found, rate * READ)}
-
-
-def inviscid(setting: Setting) -> tuple[Run, dict[str, float]]:
-    """Runs the vortex without viscosity; returns the run and its error."""
-    run, found = share_left(setting, 0.0, READ_INVISCID)
-    return run, {"amplitude": off(found, 0.0)}
+    left = max(amplitude(run.water, length) / begun, LEAST_SHARE)
+    decay = nu * np.pi**2 * (1.0 / length**2 + 1.0 / WIDTH**2) * seconds
+    return run, {"amplitude": abs(float(np.log(left)) + decay)}
 
 
 def case(name: str, title: str, measure) -> Case:
@@ -107,13 +92,17 @@ def case(name: str, title: str, measure) -> Case:
 
 
 TAYLOR_GREEN = case(
-    "taylor_green", f"Taylor-Green vortex of {1000 * NU:g} Pa s, {READ:g} s", viscous
+    "taylor_green",
+    f"Taylor-Green vortex of {1000 * NU:g} Pa s, {READ:g} s",
+    functools.partial(measure, nu=NU, seconds=READ),
 )
 SHEAR_WAVE = case(
     "shear_wave",
     f"Shear wave of {1000 * NU:g} Pa s in a tank of {SHEAR_LENGTH:g} m by {WIDTH:g} m, {READ:g} s",
-    functools.partial(viscous, length=SHEAR_LENGTH),
+    functools.partial(measure, nu=NU, seconds=READ, length=SHEAR_LENGTH),
 )
 INVISCID_VORTEX = case(
-    "inviscid_vortex", f"Taylor-Green vortex without viscosity, {READ_INVISCID:g} s", inviscid
+    "inviscid_vortex",
+    f"Taylor-Green vortex without viscosity, {READ_INVISCID:g} s",
+    functools.partial(measure, nu=0.0, seconds=READ_INVISCID),
 )
