@@ -53,20 +53,13 @@ FIGURES: Declared = {
 Systems = dict[tuple[str, int], dict[str, float]]
 
 
-def measured(scene: str, changes: tuple[str, ...], seconds: float) -> Figures:
-    """Returns the figures of a run of the classic method: medians over its frames."""
-    given = load_scene(scene, ("method=classic", *changes))
-    return figures(FIGURES, benchmark(given, scene, seconds, size=SIZE))
-
-
-def system(pool: str, number: int, seed: int) -> Figures:
-    """Returns the figures of a system at rest."""
-    return measured(pool, (f"variant=system-{number}", "sway.angle=0", f"seed={seed}"), SECONDS)
-
-
-def system_3(angle: tuple[str, ...], seed: int) -> Figures:
-    """Returns the figures of system 3 in the deep pool."""
-    return measured("pool_2x", ("variant=system-3", f"seed={seed}", *angle), RUN)
+def system(
+    pool: str, number: int, seconds: float, seed: int, changes: tuple[str, ...] = ("sway.angle=0",)
+) -> Figures:
+    """Returns the figures of a run of a system with the classic method, by default at rest: medians
+    over its frames."""
+    given = ("method=classic", f"variant=system-{number}", f"seed={seed}", *changes)
+    return figures(FIGURES, benchmark(load_scene(pool, given), pool, seconds, size=SIZE))
 
 
 def against_thesis(known: list[dict]) -> list[str]:
@@ -168,7 +161,10 @@ BENCHES = {
             "systems": Table(
                 f"{SECONDS:g} s of still water each",
                 ("pool", "system"),
-                {(pool, f"{n}: {METHOD[n]}"): partial(system, pool, n) for pool, n in THESIS},
+                {
+                    (pool, f"{n}: {METHOD[n]}"): partial(system, pool, n, SECONDS)
+                    for pool, n in THESIS
+                },
                 forms(FIGURES),
                 starts=1,
             ),
@@ -178,8 +174,8 @@ BENCHES = {
                 f"Speed of system 3 in the deep pool, {RUN:g} s each",
                 (),
                 {
-                    ("steady",): partial(system_3, ("sway.angle=0",)),
-                    ("rocking",): partial(system_3, ()),
+                    ("steady",): partial(system, "pool_2x", 3, RUN),
+                    ("rocking",): partial(system, "pool_2x", 3, RUN, changes=()),
                 },
                 forms(FIGURES),
                 {
