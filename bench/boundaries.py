@@ -14,7 +14,6 @@ from msph.fluid.external_forces import ExternalForces
 from msph.fluid.simulation import Simulation
 from msph.scene.schema import Scene
 
-STILL = ExternalForces((0.0, -tanks.GRAVITY, 0.0))
 # Contraction of a plane jet from a sharp-edged slit (Kirchhoff 1869).
 CONTRACTION = math.pi / (math.pi + 2.0)
 # Emptied tank: length, depth, spacing and width of the slit in the floor [m]; shares of the depth
@@ -106,7 +105,7 @@ def drained(
     full = len(inside(sim)) * spec.volume / surface
     begin, below, deep = LEVELS[0] * full, BELOW * width, 2.0 * spec.spacing
     while not levels or levels[-1] > LEVELS[1] * full:
-        sim.advance(tanks.FRAME, STILL)
+        sim.advance(tanks.FRAME, tanks.STILL)
         x, v = sim.particles.numpy("x"), sim.particles.numpy("v")
         level = len(inside(sim)) * spec.volume / surface
         levels.append(level)
@@ -154,7 +153,7 @@ def through_flow(seed: int) -> dict[str, float]:
     sim = tanks.build(tanks.tank((EDGE, EDGE), DEPTH, SPACING, 1, **more))
     masses, levels = [], []
     for _ in range(round(30.0 / tanks.FRAME)):
-        sim.advance(tanks.FRAME, STILL)
+        sim.advance(tanks.FRAME, tanks.STILL)
         heights = inside(sim)
         masses.append(float(len(heights)))
         levels.append(2.0 * float(heights.mean()))
@@ -187,7 +186,7 @@ def jet(seed: int) -> dict[str, float]:
     heads = []
     started = set(sim.particles.numpy("id")[sim.particles.numpy("x")[:, 1] > 0.0].tolist())
     while sim.time < FALLEN:
-        sim.advance(tanks.FRAME, STILL)
+        sim.advance(tanks.FRAME, tanks.STILL)
         y, v = sim.particles.numpy("x")[:, 1].astype(float), sim.particles.numpy("v").astype(float)
         if STEADY[0] < sim.time < STEADY[1]:
             rising = (y > ALONG[0]) & (y < ALONG[1]) & (v[:, 1] > 0.0)
@@ -247,7 +246,7 @@ def filling(seed: int) -> dict[str, float]:
     begin = 2.0 * float(inside(sim).mean())
     errors, rate = [], math.pi * RADIUS**2 * SPEED / EDGE**2
     while sim.time < 0.1 / rate:
-        sim.advance(tanks.FRAME, STILL)
+        sim.advance(tanks.FRAME, tanks.STILL)
         level = begin + rate * sim.time
         errors.append(2.0 * float(inside(sim).mean()) / level - 1.0)
     sim.close()

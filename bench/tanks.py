@@ -22,6 +22,7 @@ DUCT_MODES = 40
 # Heights of a duct's column of water at the start, and of the duct, in edges.
 DUCT_WATER, DUCT_TOP = (3.0, 6.5), 7.0
 FRAME = 1.0 / 60.0
+STILL = ExternalForces((0.0, -GRAVITY, 0.0))
 # Number of horizontal slices of a depth profile, and positions of the probes in each slice, (x, z)
 # over the footprint.
 SLICES = 12
@@ -222,9 +223,7 @@ def run(source: Water | Simulation, seconds: float, *readings: Reading | Profile
 def recorded(
     sim: Simulation,
     seconds: float,
-    forces: Callable[[float], ExternalForces | MovingBox] = lambda time: ExternalForces(
-        (0.0, -GRAVITY, 0.0)
-    ),
+    forces: Callable[[float], ExternalForces | MovingBox] = lambda time: STILL,
     read: Callable[[], None] = lambda: None,
     frame: float = FRAME,
     density_every: float = math.inf,
