@@ -31,7 +31,7 @@ import trimesh
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from bench import rows
+from bench import rows, tanks
 from bench.rows import RESULTS
 from bench.water import GRAVITY, Water
 from msph.measure.snapshot import Snapshot
@@ -112,12 +112,7 @@ def gap_of(size: tuple[float, float, float], spacing: float) -> float:
 
 def level_of(edges: tuple[float, float], depth: float, spacing: float, gap: float) -> float:
     """Returns the level of still water over its level at rest density (-)."""
-    tank = {
-        "box": {"size": [edges[0], 1.5 * depth, edges[1]]},
-        "layers": [{"mass": 1000.0 * spacing**3}],
-        "water": [{"layer": 0, "lo": [0, 0, 0], "hi": [edges[0], depth, edges[1]]}],
-    }
-    water = Dfsph(Scene.model_validate(tank), gap)
+    water = Dfsph(tanks.tank(edges, depth, spacing, 1, air=0.5 * depth), gap)
     begun = water.positions()[:, 1].mean()
     water.advance(LEVEL_SECONDS)
     return float(water.positions()[:, 1].mean() / begun)
