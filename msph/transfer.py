@@ -23,20 +23,26 @@ from msph.fluid.world import GROWTH
 from msph.launches import Traits, use_traits
 from msph.state import Moment, State, Wanted
 
-# Numbers per particle by array, 1 without a second axis, and their type; the columns of `drops` are
-# those of Rim.read_drops.
-PARTICLES = {
-    "x": (3, "f4"),
-    "v": (3, "f4"),
-    "viewed": (1, "f4"),
-    "layer": (1, "i4"),
-    "id": (1, "i4"),
-}
-DROP_NUMBERS = 8
+# Arrays of the particles.
+PARTICLES = ("x", "v", "viewed", "layer", "id")
 # Each set of arrays is read while the next one is written.
 SETS = 2
 
-Arrays = dict[str, np.ndarray]
+
+def arrays_type(capacity: int) -> np.dtype:
+    """Returns the type of a set of arrays for up to `capacity` particles; the columns of `drops`
+    are those of Rim.read_drops."""
+    vectors, numbers = (capacity, 3), (capacity,)
+    return np.dtype(
+        [
+            ("x", "f4", vectors),
+            ("v", "f4", vectors),
+            ("viewed", "f4", numbers),
+            ("layer", "i4", numbers),
+            ("id", "i4", numbers),
+            ("drops", "f4", (MOST_DROPS, 8)),
+        ]
+    )
 
 
 @dataclass(frozen=True)
@@ -61,24 +67,15 @@ class SharedArrays:
     whatever happens to the processes."""
 
     def __init__(self, capacity: int, name: str | None = None):
-        shapes = {key: ((capacity, k)[: 1 + (k > 1)], kind) for key, (k, kind) in PARTICLES.items()}
-        shapes["drops"] = (MOST_DROPS, DROP_NUMBERS), "f4"
-        words = {key: int(np.prod(shape)) for key, (shape, _) in shapes.items()}
-        size = 4 * SETS * sum(words.values())
-        self.memory = SharedMemory(name, create=name is None, size=size)
-        self.owns = name is None
+        kind = arrays_type(capacity)
+        self.memory = SharedMemory(name, create=name is None, size=SETS * kind.itemsize)
+        self.name, self.owns = self.memory.name, name is None
         if not self.owns:
             self.memory.unlink()
-        self.name, self.sets, at = self.memory.name, list[Arrays](), 0
-        for _ in range(SETS):
-            self.sets.append({})
-            for key, (shape, kind) in shapes.items():
-                array: Any = np.ndarray(shape, kind, self.memory.buf, at)
-                self.sets[-1][key] = array
-                at += 4 * words[key]
+        self.sets: Any = np.ndarray(SETS, kind, self.memory.buf)
 
     def close(self) -> None:
-        self.sets.clear()
+        self.sets = None
         self.memory.close()
         # Only if the other process has not attached.
         with contextlib.suppress(FileNotFoundError):
@@ -94,7 +91,7 @@ class Sender:
         # As sent last: identical lists are not sent again.
         self.bodies, self.openings = state.boundary.bodies, None
 
-    def pack(self, arrays: Arrays) -> Packet:
+    def pack(self, arrays: np.void) -> Packet:
         """Writes the state's arrays and returns the rest."""
         state, drops = self.state, self.state.rim.has_drops
         for name in PARTICLES:
@@ -112,7 +109,7 @@ class Sender:
         return Packet(state.now, state.wanted, state.particles.count, *more)
 
 
-def receive(state: State, packet: Packet, arrays: Arrays) -> None:
+def receive(state: State, packet: Packet, arrays: np.void) -> None:
     """Takes a state of another process; state: of own_state()."""
     state.particles.fill(**{name: arrays[name][: packet.count] for name in PARTICLES})
     state.grid.invalidate()

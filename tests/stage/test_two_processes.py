@@ -32,7 +32,7 @@ from msph.stage.remote import Remote, SimulationError
 from msph.stage.row import speed_and_error
 from msph.stage.show import INTERACTIVE, Show
 from msph.state import Moment, Wanted
-from msph.transfer import PARTICLES, Packet, give_back, own_state, receive
+from msph.transfer import Packet, arrays_type, give_back, own_state, receive
 from tests.command_kit import python, started
 from tests.fluid.fluid_kit import in_order
 from tests.scenes_kit import write
@@ -166,8 +166,7 @@ def test_a_body_that_is_added_has_no_mesh_sampled_again():
     bodies = pickle.loads(pickle.dumps([*plan.bodies, added]))
     centres, turns = np.array([centre(b) for b in bodies]), np.array([np.eye(3)] * 2)
     packet = Packet(Moment(), Wanted(), 1, False, centres, turns, bodies, None)
-    arrays = {key: np.zeros((1, k)[: 1 + (k > 1)], kind) for key, (k, kind) in PARTICLES.items()}
-    receive(state, packet, arrays)
+    receive(state, packet, np.zeros(1, arrays_type(1))[0])
     assert state.boundary.bodies[0] is mesh and state.boundary.count == 2
     give_back(state)
 
