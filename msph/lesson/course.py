@@ -15,15 +15,6 @@ from msph.scene.schema import Scene
 from msph.stage.row import Row
 
 
-def units_of(course: Course) -> dict[str, str]:
-    """Returns the units of the sliders by name."""
-    if course.lesson.board:
-        inputs = board_of(course.lesson.board).INPUTS
-        return {name: given.unit for name, given in inputs.items()}
-    known = {p.key: p.unit for p in parameters(Scene)}
-    return {s.name: known[s.key] for s in course.lesson.slider}
-
-
 class LessonProgress:
     """Progress of a lesson. row: its simulations, None for a board. Pages: the question, each task,
     and `code_pages` of the explanation; page: the current one, from 0.
@@ -41,7 +32,9 @@ class LessonProgress:
         self.ticked = [False] * len(self.lesson.do)
         self.reached: list[list[str]] = [[] for _ in self.lesson.do]
         self.inputs: dict[str, Input] = self.board.INPUTS if self.board else {}
-        self.units = units_of(course)
+        known = {p.key: p.unit for p in parameters(Scene)}
+        self.units = {s.name: known.get(s.key, "-") for s in self.lesson.slider}
+        self.units |= {name: given.unit for name, given in self.inputs.items()}
         self.values = {name: given.start for name, given in self.inputs.items()}
         self.values |= {s.name: s.start for s in self.lesson.slider}
         self.numbers: dict[str, Numbers] = {}
