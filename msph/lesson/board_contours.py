@@ -1,5 +1,6 @@
 """Board of marching squares and cubes: contours at a threshold, ambiguous cells, and holes."""
 
+from collections import Counter
 from itertools import pairwise
 from typing import Any, ClassVar
 
@@ -68,7 +69,8 @@ class Board(chart.Board):
         places = np.indices(PAIR.shape).reshape(3, -1)
         right.scatter(*places, s=CORNER, c=colours, depthshade=False)
         corners = list(np.ndindex(PAIR.shape))
-        edges = [(p, q) for p in corners for q in corners if p < q and _apart(p, q) == 1]
+        near = ((p, q, np.abs(np.subtract(q, p)).sum()) for p in corners for q in corners if p < q)
+        edges = [(p, q) for p, q, apart in near if apart == 1]
         right.add_collection3d(Line3DCollection(edges, colors=chart.FAINT, linewidths=1))
         right.set(xlim=(0, 2), ylim=(0, 1), zlim=(0, 1))
         right.set_box_aspect((2, 1, 1), zoom=0.95)
@@ -108,11 +110,6 @@ class Board(chart.Board):
         )
         if single := open_edges(triangles):
             ax.add_collection3d(Line3DCollection(single, colors=chart.RED, linewidths=5))
-
-
-def _apart(p: tuple, q: tuple) -> int:
-    """Returns the number of edges between two corners of the lattice."""
-    return int(np.abs(np.subtract(q, p)).sum())
 
 
 def _inside(values: dict[str, float]) -> np.ndarray:
@@ -169,19 +166,11 @@ def pair_mesh(by_face: bool) -> list[np.ndarray]:
 
 def open_edges(triangles: list[np.ndarray]) -> list[tuple]:
     """Returns the edges with one triangle only, except those on the outside of the two cubes."""
-    count: dict[frozenset, int] = {}
-    for triangle in triangles:
-        ring = [tuple(corner.tolist()) for corner in triangle]
-        for p, q in pairwise([*ring, ring[0]]):
-            edge = frozenset((p, q))
-            count[edge] = count.get(edge, 0) + 1
-    single = [tuple(edge) for edge, number in count.items() if number == 1]
-    return [edge for edge in single if not _outside(*edge)]
+    rings = [[tuple(corner.tolist()) for corner in triangle] for triangle in triangles]
+    count = Counter(frozenset(edge) for ring in rings for edge in pairwise([*ring, ring[0]]))
+    return [tuple(edge) for edge, number in count.items() if number == 1 and not _outside(*edge)]
 
 
 def _outside(p: tuple, q: tuple) -> bool:
-    return any(
-        p[axis] == q[axis] == end
-        for axis, ends in enumerate(((0, 2), (0, 1), (0, 1)))
-        for end in ends
-    )
+    walls = ((0, 2), (0, 1), (0, 1))
+    return any(a == b and a in ends for a, b, ends in zip(p, q, walls, strict=True))
