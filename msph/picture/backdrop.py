@@ -74,6 +74,10 @@ class Backdrop:
         self.moved = MovedBodies(faces.boundary, fields.room)
         self.sampler = BlockSampler(self, fields.samples)
 
+    def forget(self):
+        """Lets all samples of sky and ground change with the next image."""
+        self.background.fill(-1.0)
+
     def take(self, changed):
         """Finds what changed since the last image, and draws the visible faces and shadows of
         bodies; changed: the view is new."""

@@ -126,6 +126,7 @@ class Picture:
         self.width, self.height = self.size = width, height
         self.legend.resize(width, height)
         self.scale, self.view, self.ball = 1.0, None, None
+        self.backdrop.forget()
 
     def change(self, look):
         """Sets another look that differs in live parameters only."""
