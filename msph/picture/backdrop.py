@@ -10,7 +10,7 @@ from msph.fluid.boundary.body_shapes import END, ROUND
 from msph.launches import data_oriented, kernel
 from msph.picture.body_faces import KEY_BITS
 from msph.picture.moved_bodies import MovedBodies
-from msph.picture.pixels import word
+from msph.picture.pixels import bilinear, word
 from msph.picture.pool import MIN_COSINE, RIM, component
 from msph.picture.rasteriser import BLOCK, FAR, NO_ITEM, smooth
 from msph.picture.room import COARSE, PixelFields
@@ -27,7 +27,6 @@ from msph.picture.samples import (
     make_sample,
 )
 from msph.picture.shot import ray
-from msph.picture.sunlight import bilinear
 
 vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
 
@@ -46,7 +45,8 @@ WET_GLAZE, WET_CLAY, WET_PANES = 0.15, 0.3, 1.5
 VISIBLE_CHANGE = 1e-4
 # Notes of blocks: hidden by water, or visible.
 HIDDEN, VISIBLE = range(2)
-# Bits of the argument of draw().
+# Bits that say what is drawn, beside blocks that moving bodies changed or that were postponed: all
+# blocks, but blocks hidden by water are postponed.
 WHOLE, FLOODED = 1, 2
 # Factors in a sample's kind: of the low wall (0, 1) or body, and of the axis of the entry face.
 WALL_OR_BODY, ENTRY_AXIS = 4, 1 << 18
@@ -96,15 +96,11 @@ class Backdrop:
         # In a constant view, water may uncover blocks that it hid before.
         flooded = flooded and (whole or self.some)
         if whole or self.some or not self.complete:
-            self.draw(WHOLE * whole + FLOODED * flooded)
+            given = WHOLE * whole + FLOODED * flooded
+            self.draw_backgrounds(given)
+            self.sampler.draw(self.lens.numbers["columns"], self.lens.numbers["rows"], given)
+            self.keep_rough(given)
             self.complete = not flooded
-
-    def draw(self, given):
-        """Draws blocks that moving bodies changed or that were postponed. given: bits WHOLE (all
-        blocks), FLOODED (blocks hidden by water are postponed)."""
-        self.draw_backgrounds(given)
-        self.sampler.draw(self.lens.numbers["columns"], self.lens.numbers["rows"], given)
-        self.keep_rough(given)
 
     @kernel
     def keep_rough(self, given: ti.i32):
@@ -181,8 +177,8 @@ class Backdrop:
 
     @ti.func
     def begin(self, i0, j0, given):
-        """Sets up a block for BlockSampler; given: of draw(). The note is HIDDEN if water hides the
-        whole block. A block with an outline of a body is uneven."""
+        """Sets up a block for BlockSampler; given: bits WHOLE, FLOODED. The note is HIDDEN
+        if water hides the whole block. A block with an outline of a body is uneven."""
         shot, corner = self.lens.shot[None], ti.Vector([i0, j0])
         due = given & WHOLE != 0 or self.mark(i0, j0) > 0
         boxed = (corner + SPAN >= shot.first).all() and (corner <= shot.last).all()

@@ -136,11 +136,6 @@ class BodyShading:
         return self.boundary.normal(b, p, END)
 
     @ti.func
-    def side_normal(self, p):
-        """Returns the unit normal out of the container at a point p [m] of its side."""
-        return -self.normal(self.numbers.container[None], p)
-
-    @ti.func
     def shade(self, b, p, n, to_sun, focus, shot: ti.template()):
         """Returns the colour of body b at p [m] with the normal n, and True near a border between
         its colours; focus: concentration of sunlight there."""

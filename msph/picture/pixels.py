@@ -33,6 +33,16 @@ def green_of(found):
     return ((found >> WORD_BITS) & TOP) * (1.0 / TOP)
 
 
+@ti.func
+def bilinear(f: ti.template(), c):
+    """Interpolates f bilinearly at c, in cells from the centre of cell (0, 0), 0..size - 1."""
+    i, j = ti.cast(c.x, ti.i32), ti.cast(c.y, ti.i32)
+    u, v = c.x - i, c.y - j
+    low = f[i, j] + u * (f[i + 1, j] - f[i, j])
+    high = f[i, j + 1] + u * (f[i + 1, j + 1] - f[i, j + 1])
+    return low + v * (high - low)
+
+
 def colours(words: np.ndarray) -> np.ndarray:
     """Returns the display-referred colours (..., 3) float32 of words (...)."""
     levels = np.stack([words >> (k * WORD_BITS) & TOP for k in range(3)], axis=-1)

@@ -7,8 +7,8 @@ entered the box meets only inner sides of walls.
 import taichi as ti
 
 from msph.launches import data_oriented
-from msph.picture.body_shading import MISSED, BodyShading
-from msph.picture.samples import ADDED, LEFT, PLACE, SPAN, UNTILED
+from msph.picture.body_shading import BodyShading
+from msph.picture.samples import ADDED, LEFT, PLACE, UNTILED
 from msph.picture.shadows import BEAM, OUTER, Shadows
 from msph.picture.shadows import SUN as SUN_MAP
 from msph.picture.shot import slabs
@@ -29,10 +29,6 @@ SHADOW, SHADOW_WAY = vec3(0.52, 0.40, 0.32), 0.30  # light that the box absorbs;
 FILM_SUN, FILM_GLOSS = 20.0, 5  # sun on wet walls: brightness; width: cosine^(2^5)
 TONES, GOLDEN = 256, 0.618034
 MIN_COSINE = 0.08  # smallest cosine for the stretch of a pixel's footprint on a wall
-# Largest distance from a ray at which the outline of a body may cross an adjacent block, over the
-# block's edge (-): half the diagonal, and a fifth more, since a ray's steps may skip the nearest
-# point of the body.
-OUTLINE_REACH = 0.85
 FILTER, SHARPEST = 0.7, 1e-3  # filter width over the pixel's footprint; smallest, in tiles
 
 
@@ -135,16 +131,6 @@ class Pool:
                 m = ti.select(k == 1, OUTER, ti.select(under, BEAM, SUN_MAP))
                 share = ti.min(share, self.shadows.share(p, m))
         return share
-
-    @ti.func
-    def intersect(self, p, r, most, reach, shot: ti.template()):
-        """Intersects a ray from p, reach [m] from the eye, with bodies; see BodyShading.intersect.
-        The last result is True if a body's outline may cross a block of pixels around the ray."""
-        t, body, normal, close = MISSED, -1, vec3(0.0), False
-        if ti.static(self.traits.bodies):
-            wide = OUTLINE_REACH * SPAN * shot.pixel
-            t, body, normal, close = self.bodies.intersect(p, r, most, reach, wide)
-        return t, body, normal, close
 
     @ti.func
     def far_radiance(self, d, shot: ti.template()):

@@ -10,8 +10,8 @@ import taichi as ti
 
 from msph.fluid.external_forces import HAND_NUMBERS, Hand
 from msph.launches import data_oriented, kernel
+from msph.picture.pixels import bilinear
 from msph.picture.sky import noise
-from msph.picture.sunlight import bilinear
 from msph.surface.thin_water import ThinWater
 
 vec2, vec3 = ti.math.vec2, ti.math.vec3

@@ -7,6 +7,7 @@ upper hemisphere by stereographic projection, (x, z) / (1 + y).
 import taichi as ti
 
 from msph.launches import data_oriented, kernel
+from msph.picture.pixels import bilinear
 
 vec3 = ti.math.vec3
 
@@ -78,11 +79,7 @@ class Sky:
         """Returns the radiance from the world direction d (unit): sky, or hazy ground below."""
         q = (ti.math.vec2(d.x, d.z) / (1.0 + abs(d.y)) + 1.0) * (0.5 * CELLS) - 0.5
         q = ti.math.clamp(q, 0.0, CELLS - 1.001)
-        i, j = ti.cast(q.x, ti.i32), ti.cast(q.y, ti.i32)
-        f = q - ti.math.vec2(i, j)
-        low = ti.math.mix(self.dome[i, j], self.dome[i + 1, j], f.x)
-        high = ti.math.mix(self.dome[i, j + 1], self.dome[i + 1, j + 1], f.x)
-        colour = ti.math.mix(low, high, f.y)
+        colour = bilinear(self.dome, q)
         if d.y < 0.0:
             colour = haze(GROUND, d.y)
         return colour

@@ -10,6 +10,7 @@ import taichi as ti
 
 from msph.launches import data_oriented, heavy_kernel
 from msph.picture.optics import bend, cosine_beyond
+from msph.picture.pixels import bilinear
 from msph.picture.rasteriser import BLOCK, on_wall
 from msph.picture.shot import CAUSTIC_CELLS, LEVEL_CELLS
 
@@ -152,13 +153,3 @@ class Sunlight:
             traced += HALF_SHADE * (1.0 - trust)
             focus = ti.math.mix(1.0, traced, submerged * shot.contrast)
         return focus
-
-
-@ti.func
-def bilinear(f: ti.template(), c):
-    """Interpolates f bilinearly at c, in cells from the centre of cell (0, 0), 0..size - 1."""
-    i, j = ti.cast(c.x, ti.i32), ti.cast(c.y, ti.i32)
-    u, v = c.x - i, c.y - j
-    low = f[i, j] + u * (f[i + 1, j] - f[i, j])
-    high = f[i, j + 1] + u * (f[i + 1, j + 1] - f[i, j + 1])
-    return low + v * (high - low)

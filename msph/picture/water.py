@@ -10,8 +10,9 @@ import taichi as ti
 
 from msph.launches import data_oriented
 from msph.picture.backdrop import KEY_SLACK
+from msph.picture.body_shading import MISSED
 from msph.picture.optics import bend, cosine_beyond, reflectance, transmittance
-from msph.picture.pixels import word
+from msph.picture.pixels import bilinear, word
 from msph.picture.pool import MIN_COSINE, RIM, component
 from msph.picture.rasteriser import FAR, NO_ITEM, smooth, walls_of
 from msph.picture.room import COARSE
@@ -26,7 +27,6 @@ from msph.picture.samples import (
 )
 from msph.picture.shot import ray
 from msph.picture.sky import SKY_LIGHT, SUN, SUN_LIGHT
-from msph.picture.sunlight import bilinear
 
 vec2, vec3, vec4 = ti.math.vec2, ti.math.vec3, ti.math.vec4
 
@@ -45,6 +45,10 @@ MILK_SKY, MILK_SUN = vec3(0.24, 0.33, 0.4), vec3(0.18, 0.21, 0.2)
 DOWNWELLING = 0.5  # share of absorption on the light's way down
 # Places along a ray under water where light is scattered, and share of sunlight (-).
 SHAFT_STEPS, SHAFTS = 16, 0.8
+# Largest distance from a ray at which the outline of a body may cross an adjacent block, over the
+# block's edge (-): half the diagonal, and a fifth more, since a ray's steps may skip the nearest
+# point of the body.
+OUTLINE_REACH = 0.85
 NEAR_GLINT = 0.5  # sheen above which the sun's reflection may lie between two samples
 # Bits of a kind: low wall; seen through a side of the water; folded by total reflection; out of the
 # water again; number of the body (bits below SUNK); eye under water; whole ray under water.
@@ -178,7 +182,11 @@ class WaterShader:
             s, axis, low = self.pool.exit_face(p, r, shot.size)
             # The reflected ray of a cut leaves the box or the container.
             way_out = ti.select(inwards or not cut, s, 0.0)
-            t, body, n_body, close = self.pool.intersect(p, r, way_out, reach, shot)
+            t, body, n_body, close = MISSED, -1, vec3(0.0), False
+            if ti.static(self.traits.bodies):
+                wide = OUTLINE_REACH * SPAN * shot.pixel
+                found = self.pool.bodies.intersect(p, r, way_out, reach, wide)
+                t, body, n_body, close = found
             s = ti.min(s, t)
             q, through, deep, lit = p + r * s, vec3(0.0), 0.0, 1.0
             footprint = shot.pixel * (reach + s) / ti.max(abs(component(r, axis)), MIN_COSINE)
@@ -284,7 +292,8 @@ class WaterShader:
             if self.pool.bodies.numbers.container[None] >= 0:
                 depth = self.backdrop.faces.entry[i, j]
             if depth > 0.0:
-                n = self.pool.bodies.side_normal(shot.eye + d * depth)
+                container = self.pool.bodies.numbers.container[None]
+                n = -self.pool.bodies.normal(container, shot.eye + d * depth)
                 flat = n
         return depth, flat, n
 

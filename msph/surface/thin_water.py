@@ -126,7 +126,9 @@ class ThinWater:
         lists it as a drop; a particle beyond a wall is neither added nor listed. frame, dt: of the
         spray; image: 1 if the mesh lacks spray. Returns the distance [m] within which the kernel
         exceeds the full kernel."""
-        layer, inside = self.particles.layer[i], not self.beyond_wall(self.particles.x[i])
+        layer, x, size = self.particles.layer[i], self.particles.x[i], self.numbers.size[None]
+        # Outside are the pipe of an opening, and a jet out of the box.
+        inside = ti.min(x.x, x.y, x.z, size.x - x.x, size.z - x.z) >= 0.0
         self.kernel[i], larger, drop, kept = self.full(layer), 0.0, False, 1.0
         if not deep:
             c, nearest, _mean, _spread = self.neighbours(i, bodies, self.add_weights)
@@ -150,12 +152,6 @@ class ThinWater:
         if inside and not drop:
             self.volume[None] += kept * self.layers.volume[layer]
         return larger
-
-    @ti.func
-    def beyond_wall(self, x):
-        """Returns True for a place in the pipe of an opening, or in a jet out of the box."""
-        size = self.numbers.size[None]
-        return ti.min(x.x, x.y, x.z, size.x - x.x, size.z - x.z) < 0.0
 
     @ti.func
     def spacing(self, i):
