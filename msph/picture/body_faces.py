@@ -11,7 +11,7 @@ import taichi as ti
 from msph.fluid.boundary.body_faces import split, triangles_of
 from msph.fluid.boundary.body_shapes import END
 from msph.fluid.boundary.boundary import Boundary
-from msph.fluid.boundary.rigid_bodies import Block, Body
+from msph.fluid.boundary.rigid_bodies import Block
 from msph.launches import data_oriented, kernel
 from msph.picture.rasteriser import BLOCK, FAR, NO_ITEM, Rasteriser
 from msph.picture.room import PixelFields
@@ -42,17 +42,13 @@ class BodyFaces:
 
     def load(self) -> None:
         """Loads the boundary's present bodies."""
-        parts = [self._shown(body).reshape(-1, 9) for body in self.boundary.bodies]
-        self.corners = np.concatenate([np.zeros((0, 9)), *parts]).astype(np.float32)
+        parts = [triangles_of(body) for body in self.boundary.bodies]
+        for b, body in enumerate(self.boundary.bodies):
+            for _ in range(SPLITS if isinstance(body, Block) else 0):
+                parts[b] = split(parts[b])
+        corners = np.concatenate([np.zeros((0, 3, 3)), *parts])
+        self.corners = corners.reshape(-1, 9).astype(np.float32)
         self.owner = np.repeat(np.arange(len(parts), dtype=np.int32), [len(p) for p in parts])
-
-    @staticmethod
-    def _shown(body: Body) -> np.ndarray:
-        """Returns the triangles of a body that are drawn [m], (t, 3, 3), in its frame."""
-        found = triangles_of(body)
-        for _ in range(SPLITS if isinstance(body, Block) else 0):
-            found = split(found)
-        return found
 
     def draw(self) -> None:
         """Fills the fields in the present view."""
