@@ -57,7 +57,7 @@ class BodyTable:
             [*boundary.centre_at_end(b), *rotation_vector(boundary.pose(b)[1])]
             for b in range(boundary.count)
         ]
-        return np.hstack([np.reshape(poses, (-1, 6)), *boundary.motions(), forces])
+        return np.hstack([np.reshape(poses, (-1, 6)), boundary.motions(), forces])
 
     def last_forces(self) -> tuple[np.ndarray, float]:
         """Returns the mean forces and torques (bodies, 6) on the bodies over the last WINDOW of the

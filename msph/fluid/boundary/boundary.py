@@ -75,24 +75,24 @@ class Boundary(BodyShapes):
         self._reach = max(s.support for s in specs)
         self._crossing = CROSSING * min(s.spacing for s in specs)
         self._inward = np.array([isinstance(b, Solid) and b.container for b in self.bodies], bool)
-        self._prescribed = [k for k, b in enumerate(self.bodies) if b.mass is None]
         self._driven = [k for k, b in enumerate(self.bodies) if b.mass is None and b.motion.moves]
         self.driven = bool(self._driven)
         self._radii = {k: bounding_radius(self.bodies[k]) for k in self._driven}
         self.moving = self.driven or self.floating.count > 0
-        # Centres at time zero, by pose; and extents: half extents of blocks and meshes, radii of
-        # balls, and corners of meshes.
+        # Centres at time zero, by pose.
         self._start = np.array([[centre(b)] * 2 for b in self.bodies])
-        self._half = np.array(
-            [[b.radius] * 3 if isinstance(b, Ball) else half_extents(b) for b in self.bodies]
-        ).reshape(-1, 3)
-        self._round = np.array([isinstance(b, Ball) for b in self.bodies], bool)
-        self._corners = {k: _corners(b) for k, b in enumerate(self.bodies) if isinstance(b, Solid)}
+        # Points (bodies, n, 3) [m] in the bodies' frames, and radius (bodies, 1) [m] around them,
+        # beyond which no body reaches.
+        outlines = [_outline(b) for b in self.bodies]
+        most = max(map(len, outlines), default=0)
+        padded = [np.resize(outline, (most, 3)) for outline in outlines]
+        self._outlines = np.reshape(padded, (self.count, most, 3))
+        self._radius = np.array([[getattr(b, "radius", 0.0)] for b in self.bodies])
         # Depth [m] of the thinnest body: from its middle to the water.
         self.thinnest = math.inf
-        if self.bodies:
-            self._load_shapes(specs)
-        self.velocities, self.spins = np.zeros((self.count, 3)), np.zeros((self.count, 3))
+        self._load_shapes(specs)
+        # Mean velocities [m/s] and spins [rad/s] of bodies in prescribed motion, 0 of others.
+        self._driven_motions = np.zeros((self.count, 6))
         self.reset(0.0)
 
     def add(self, body: Body, time: float) -> None:
@@ -156,7 +156,7 @@ class Boundary(BodyShapes):
         self._shape_rows: dict[str, Any] = dict(
             kind=[(Block, Ball, Solid).index(type(b)) for b in self.bodies],
             side=np.where(self._inward, -1.0, 1.0),
-            half=[half_extents(b) for b in self.bodies],
+            half=np.reshape([half_extents(b) for b in self.bodies], (-1, 3)),
             bounding_radius=np.array([bounding_radius(b) for b in self.bodies]),
             first=first,
             joined=[self._is_joined(k) for k in range(self.count)],
@@ -207,8 +207,7 @@ class Boundary(BodyShapes):
         present step; returns the work [J] of bodies in prescribed motion on the water."""
         self.impulse, self.twist = self.impulse + pushes[:, :3], self.twist + pushes[:, 3:]
         self.floating.receive(pushes[self.floating.which])
-        work = (self.velocities * pushes[:, :3] + self.spins * pushes[:, 3:]).sum(axis=1)
-        return -float(work[self._prescribed].sum())
+        return -float((self._driven_motions * pushes).sum())
 
     def fall(self, dt: float, external: ExternalForces) -> tuple[np.ndarray, float] | None:
         """Changes the velocities of floating bodies by external forces within dt [s], and releases
@@ -234,30 +233,25 @@ class Boundary(BodyShapes):
 
     def pose(self, body: int) -> tuple[np.ndarray, np.ndarray]:
         """Returns a body's displacement (3,) [m] and rotation (3, 3) at the end of the step."""
-        if self.bodies[body].mass is not None:
-            k = int(np.searchsorted(self.floating.which, body))
-            return self.floating.x[k] - centre(self.bodies[body]), self.floating.turn[k]
-        last = min(self.time, self.stopped.get(body, math.inf))
-        motion = self.bodies[body].motion
-        return motion.offset(last), motion.rotation(last)
+        centres, turns = self.poses_at_end()
+        return centres[body] - centre(self.bodies[body]), turns[body]
 
     def centre_at_end(self, body: int) -> np.ndarray:
         """Returns a body's centre [m], (3,), at the end of the step."""
-        return centre(self.bodies[body]) + self.pose(body)[0]
+        return self.poses_at_end()[0][body]
 
     def corners_at_end(self) -> np.ndarray:
         """Returns the corners [m] of the bodies' bounding boxes, which turn with them, at the end
         of the step, (bodies, 8, 3)."""
         centres, turns = self.poses_at_end()
-        corners = self._half[:, None, :] * CORNERS
+        corners = self._shape_rows["half"][:, None, :] * CORNERS
         return centres[:, None, :] + corners @ turns.transpose(0, 2, 1)
 
-    def motions(self) -> tuple[np.ndarray, np.ndarray]:
-        """Returns the velocities [m/s] and spins [rad/s] of all bodies, (bodies, 3) each."""
-        velocities, spins = self.velocities.copy(), self.spins.copy()
-        velocities[self.floating.which] = self.floating.v
-        spins[self.floating.which] = self.floating.spin
-        return velocities, spins
+    def motions(self) -> np.ndarray:
+        """Returns the velocities [m/s] and spins [rad/s] of all bodies, (bodies, 6)."""
+        found, floating = self._driven_motions.copy(), self.floating
+        found[floating.which] = np.hstack([floating.v, floating.spin])
+        return found
 
     def close_together(self, gap: float) -> bool:
         """Returns True if a body may be within `gap` [m] of a wall or another body at the beginning
@@ -334,22 +328,22 @@ class Boundary(BodyShapes):
             centres[k] += shifts
             turns[k] = [motion.rotation(t) for t in ends]
             if dt > 0.0:
-                self.velocities[k] = (shifts[END] - shifts[BEGIN]) / dt
-                self.spins[k] = rotation_vector(turns[k, END] @ turns[k, BEGIN].T) / dt
+                turned = rotation_vector(turns[k, END] @ turns[k, BEGIN].T)
+                self._driven_motions[k] = np.concatenate([shifts[END] - shifts[BEGIN], turned]) / dt
         inverse_inertia = np.zeros((self.count, 2, 3, 3))
         floating, k = self.floating, self.floating.which
         if floating.count:
             centres[k] = np.stack([floating.x_begin, floating.x], axis=1)
             turns[k] = np.stack([floating.turn_begin, floating.turn], axis=1)
-            self.velocities[k], self.spins[k] = floating.v, floating.spin
             inverse_inertia[k, BEGIN] = floating.inverse_inertia(floating.turn_begin)
             inverse_inertia[k, END] = floating.inverse_inertia(floating.turn)
         self._at_begin, self._at_end = ((centres[:, p], turns[:, p]) for p in (BEGIN, END))
+        motions = self.motions()[:, None].repeat(2, axis=1)
         self._poses.fill(
             centre=centres,
             rotation=turns,
-            velocity=self.velocities[:, None].repeat(2, axis=1),
-            spin=self.spins[:, None].repeat(2, axis=1),
+            velocity=motions[..., :3],
+            spin=motions[..., 3:],
             inverse_inertia=inverse_inertia,
         )
 
@@ -359,12 +353,9 @@ class Boundary(BodyShapes):
         if not self.bodies:
             return
         centres, turns = self._at_begin
-        turned = np.where(self._round[:, None, None], np.eye(3), np.abs(turns))
-        out = (turned @ self._half[:, :, None])[..., 0]
-        lo, hi = centres - out, centres + out
-        for b, corners in self._corners.items():
-            points = corners @ turns[b].T
-            lo[b], hi[b] = centres[b] + points.min(axis=0), centres[b] + points.max(axis=0)
+        points = self._outlines @ turns.transpose(0, 2, 1)
+        lo = centres + points.min(axis=1) - self._radius
+        hi = centres + points.max(axis=1) + self._radius
         gaps = np.concatenate([lo, self._walls - hi], axis=1)
         near = (gaps < self._reach) & (gaps > -self._crossing) & ~self._inward[:, None]
         self._mirrors.fill(mirroring=near @ (1 << np.arange(6)))
@@ -395,12 +386,17 @@ def _own_name(body: Body) -> str:
     return body.name if isinstance(body, Block) else ""
 
 
-def _corners(mesh: Solid) -> np.ndarray:
-    """Returns the vertices (n, 3) [m] of a mesh's convex hull, in its frame."""
+def _outline(body: Body) -> np.ndarray:
+    """Returns the centre of a ball, the corners of a block or the vertices of a mesh's convex hull,
+    (n, 3) [m], in the frame of the body."""
 
     def hull() -> list[np.ndarray]:
         from scipy.spatial import ConvexHull  # 0.2 s to import
 
-        return [ConvexHull(mesh.vertices).vertices]
+        return [ConvexHull(body.vertices).vertices]
 
-    return mesh.vertices[kept(hull, "hull", mesh.vertices)[0]] - centre(mesh)
+    if isinstance(body, Ball):
+        return np.zeros((1, 3))
+    if isinstance(body, Block):
+        return CORNERS * half_extents(body)
+    return body.vertices[kept(hull, "hull", body.vertices)[0]] - centre(body)

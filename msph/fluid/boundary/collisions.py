@@ -127,7 +127,7 @@ class Collisions(Part):
     def _motions(self) -> np.ndarray:
         """Returns the present velocities and spins of all bodies, and of the walls."""
         found = np.zeros((MAX_BODIES + 1, 6), np.float32)
-        found[: self.boundary.count] = np.concatenate(self.boundary.motions(), axis=1)
+        found[: self.boundary.count] = self.boundary.motions()
         return found
 
     @small_kernel
