@@ -186,7 +186,11 @@ class Classic(Part):
             peak = self._density_kernel(0.0, self.layers.support[layer], layer, own_kernels)
             rho = self.layers.mass[layer] * peak
             for s in range(self.neighbours.start[i], self.neighbours.end[i]):
-                self._add_density(i, self.neighbours.index[s], rho, own_kernels)
+                j = self.neighbours.index[s]
+                other = self.particles.layer[j]
+                r = (self.particles.x[i] - self.particles.x[j]).norm()
+                w = self._density_kernel(r, self.layers.support[other], other, own_kernels)
+                rho += self.layers.mass[other] * w
             p = stiffness * (rho - self.constants.rest_density[None])
             if ti.static(not tension):
                 p = ti.max(p, 0.0)
@@ -288,13 +292,6 @@ class Classic(Part):
             if self.layers.wendland[layer] == 1:
                 slope = kernels.wendland_slope(r, h)
         return slope
-
-    @ti.func
-    def _add_density(self, i, j, rho: ti.template(), own_kernels: ti.template()):
-        layer = self.particles.layer[j]
-        h = self.layers.support[layer]
-        r = (self.particles.x[i] - self.particles.x[j]).norm()
-        rho += self.layers.mass[layer] * self._density_kernel(r, h, layer, own_kernels)
 
     @ti.func
     def _add_forces(

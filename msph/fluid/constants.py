@@ -48,8 +48,7 @@ OPENING = {
     "height": f32,  # half height [m]
     "round": i32,  # 1 for a disc
     "wall": i32,  # wall on which the opening lies, as a bit, or 0
-    "zone_begin": f32,  # range of s in which velocities are prescribed [m]
-    "zone_end": f32,
+    "zone_begin": f32,  # s from which to 0 velocities are prescribed [m]
     "kept_from": f32,  # s from which water beyond the wall is simulated [m]
     "length": f32,  # of this range, or of the range of s from 0 in which water is removed [m]
     "leaves": i32,  # 1 for an outflow

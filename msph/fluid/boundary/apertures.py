@@ -73,7 +73,7 @@ class Apertures:
         found = 0
         for o in range(self.constants.opening_count[None]):
             s = self.along(o, x)
-            inside = self.table.zone_begin[o] <= s and s < self.table.zone_end[o]
+            inside = self.table.zone_begin[o] <= s and s < 0.0
             if inside and self._faces(o, x, self.table.slack[o]):
                 found = 1 + o
         return found

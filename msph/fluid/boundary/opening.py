@@ -128,7 +128,6 @@ class Opening:
             "round": self.edges is None,
             "wall": 0 if pumps else wall,
             "zone_begin": -length if self.enters else 0.0,
-            "zone_end": 0.0,
             "kept_from": -length - spec.spacing if self.enters else 0.0,
             "length": length + (2.0 * spec.spacing if self.enters else 0.0),
             "leaves": not self.enters and not pumps,

@@ -11,19 +11,13 @@ from msph.fluid.external_forces import (
     hand_acceleration,
     turning,
 )
-from msph.fluid.projection.discretisation import Discretisation
 from msph.fluid.projection.force import Force
-from msph.fluid.projection.virial_pressure import VirialPressure
 from msph.launches import data_oriented, kernel
 
 
 @data_oriented
 class BodyForce(Force):
     """Force that accelerates all particles by the external forces."""
-
-    def __init__(self, shared: Discretisation):
-        super().__init__(shared)
-        self.virial = VirialPressure(shared)
 
     def apply(self, dt: float, external: ExternalForces) -> None:
         numbers = external.field(), external.hand.numbers()

@@ -5,6 +5,7 @@ import taichi as ti
 from msph.fluid.part import Part
 from msph.fluid.projection.density import Density
 from msph.fluid.projection.pressure_operator import PressureOperator
+from msph.fluid.projection.virial_pressure import VirialPressure
 
 
 class Discretisation(Part):
@@ -14,3 +15,4 @@ class Discretisation(Part):
     density: Density
     pair_gradient: ti.MatrixField
     operator: PressureOperator
+    virial: VirialPressure

@@ -47,24 +47,18 @@ class PressureOperator(Part):
     @ti.func
     def divergence(self, i, field: ti.template()):
         """Returns sum u_i.g + u_j.back of a vector field u [u's unit / m]."""
-        found = field[i].dot(self.particles.gradient[i])
-        for s in range(self.neighbours.start[i], self.neighbours.end[i]):
-            found -= field[self.neighbours.index[s]].dot(self.pair_gradient[s])
-        for s in range(self.particles.first_image[i], self.particles.image_end[i]):
-            found += field[self.images.index[s]].dot(self.images.reaction[s])
-        return found
+        return self.divergences(i, (field,))[0]
 
     @ti.func
-    def divergences(self, i, first: ti.template(), second: ti.template()):
-        """Returns divergence() of two fields, computed in one pass."""
-        g = self.particles.gradient[i]
-        found = ti.Vector([first[i].dot(g), second[i].dot(g)])
+    def divergences(self, i, fields: ti.template()):
+        """Returns divergence() of several fields, computed in one pass."""
+        found = ti.Vector([u[i].dot(self.particles.gradient[i]) for u in ti.static(fields)])
         for s in range(self.neighbours.start[i], self.neighbours.end[i]):
-            j, gradient = self.neighbours.index[s], self.pair_gradient[s]
-            found -= ti.Vector([first[j].dot(gradient), second[j].dot(gradient)])
+            j, g = self.neighbours.index[s], self.pair_gradient[s]
+            found -= ti.Vector([u[j].dot(g) for u in ti.static(fields)])
         for s in range(self.particles.first_image[i], self.particles.image_end[i]):
             j, back = self.images.index[s], self.images.reaction[s]
-            found += ti.Vector([first[j].dot(back), second[j].dot(back)])
+            found += ti.Vector([u[j].dot(back) for u in ti.static(fields)])
         return found
 
     @ti.func

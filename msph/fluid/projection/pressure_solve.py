@@ -12,7 +12,6 @@ from msph.fluid.particles.particles import Attribute
 from msph.fluid.projection.conjugate_gradient import ConjugateGradient
 from msph.fluid.projection.discretisation import Discretisation
 from msph.fluid.projection.parameters import ProjectionParameters
-from msph.fluid.projection.virial_pressure import VirialPressure
 from msph.fluid.small_numbers import MIN_DIVISOR
 from msph.launches import data_oriented, kernel
 
@@ -62,7 +61,6 @@ class PressureSolve(Discretisation):
         self.conjugate_gradient = ConjugateGradient(
             shared, shared.operator, p.residual, p.direction, diagonal=p.diagonal, active=p.active
         )
-        self.virial = VirialPressure(shared)
 
     @kernel
     def build_rhs(self, n: ti.i32, dt: ti.f32):
@@ -75,7 +73,7 @@ class PressureSolve(Discretisation):
         """
         p = self.particles
         for i in range(n):
-            rate, closing = self.operator.divergences(i, p.v, p.position_correction)
+            rate, closing = self.operator.divergences(i, (p.v, p.position_correction))
             if ti.static(self.traits.bodies):
                 rate += self.links.inflow(i)
             excess, after = self.density.excess(i) + closing, self.density.relative(i) + closing

@@ -30,6 +30,7 @@ from msph.fluid.projection.position_correction import PositionCorrection
 from msph.fluid.projection.pressure_operator import PressureOperator
 from msph.fluid.projection.pressure_solve import PressureSolve
 from msph.fluid.projection.shear_relief import ShearRelief
+from msph.fluid.projection.virial_pressure import VirialPressure
 from msph.fluid.stages import Stage, no_stage
 from msph.launches import data_oriented
 
@@ -76,7 +77,7 @@ class Projection(Discretisation):
         super().__init__(parts)
         self.density = Density(self)
         self.pair_gradient = self.density.pair_gradient
-        self.operator = PressureOperator(self)
+        self.operator, self.virial = PressureOperator(self), VirialPressure(self)
         self.position_correction = PositionCorrection(self)
         self.all_forces = [force(self) for force in FORCES]
         self.forces: list[Force] = []  # forces that the scene enables

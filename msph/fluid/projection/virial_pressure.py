@@ -16,7 +16,7 @@ by the hydrostatic pressure between particle and image.
 
 import taichi as ti
 
-from msph.fluid.projection.discretisation import Discretisation
+from msph.fluid.part import Part, Parts
 from msph.fluid.small_numbers import MIN_WEIGHT
 from msph.launches import data_oriented
 from msph.taichi_internals import longest_float
@@ -37,7 +37,7 @@ Sums = ti.types.struct(weights=ti.f32, others=ti.f32, trace=ti.f32)
 
 
 @data_oriented
-class VirialPressure(Discretisation):
+class VirialPressure(Part):
     """Evaluation of `pressure_multiplier` [Pa], with the densities of the last refresh().
 
     Evaluation holds the accelerations [m/s^2] by other particles (inner) and by walls, the virial
@@ -46,8 +46,10 @@ class VirialPressure(Discretisation):
     rest single precision rounds off alike in every step, and the momentum drifts.
     """
 
-    def __init__(self, shared: Discretisation):
-        super().__init__(shared)
+    pair_gradient: ti.MatrixField
+
+    def __init__(self, parts: Parts):
+        super().__init__(parts)
         self.long_vector = ti.types.vector(3, longest_float())
         self.Evaluation = ti.types.struct(
             inner=self.long_vector,
