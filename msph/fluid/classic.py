@@ -57,12 +57,7 @@ class Classic(Part):
     parameters: ClassicParameters
 
     @staticmethod
-    def all_attributes() -> tuple[Attribute, ...]:
-        """Returns the attributes beyond the core."""
-        return ATTRIBUTES
-
-    @staticmethod
-    def attributes(parameters: ClassicParameters, adaptive: bool) -> tuple[Attribute, ...]:
+    def attributes(parameters: ClassicParameters | None, adaptive: bool) -> tuple[Attribute, ...]:
         """Returns the attributes beyond the core."""
         return ATTRIBUTES
 

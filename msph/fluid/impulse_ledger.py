@@ -9,7 +9,7 @@ import taichi as ti
 from msph.fluid.room import MAX_BODIES
 from msph.fluid.sums import SLOTS, Sum
 from msph.host_memory import memory_of
-from msph.launches import data_oriented, kernel, small_kernel
+from msph.launches import data_oriented, small_kernel
 from msph.taichi_internals import longest_float, on_cpu
 
 
@@ -57,16 +57,6 @@ class ImpulseLedger:
         if not on_cpu():
             self._gather()
 
-    def mark(self) -> None:
-        """Keeps the totals for undo()."""
-        self.gather()
-        self._mark()
-
-    def undo(self) -> None:
-        """Restores the totals of the last mark()."""
-        self.gather()
-        self._undo()
-
     def totals(self) -> list[Any]:
         """Returns the totals of all sums."""
         self.gather()
@@ -77,16 +67,6 @@ class ImpulseLedger:
         self.clear()
         for each, total in zip(self.sums, totals, strict=True):
             each.total.from_numpy(total)
-
-    @kernel
-    def _mark(self):
-        for each in ti.static(self.sums):
-            each.marked[None] = each.total[None]
-
-    @kernel
-    def _undo(self):
-        for each in ti.static(self.sums):
-            each.total[None] = each.marked[None]
 
     @small_kernel
     def _gather(self):

@@ -22,7 +22,7 @@ def methods_with(ability: str) -> str:
 
 def all_attributes() -> tuple[Attribute, ...]:
     """Returns the attributes of all methods beyond the core; a world allocates all of them."""
-    found = {a.name: a for solver in METHODS.values() for a in solver.all_attributes()}
+    found = {a.name: a for solver in METHODS.values() for a in solver.attributes(None, True)}
     return tuple(found.values())
 
 

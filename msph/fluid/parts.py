@@ -1,6 +1,5 @@
 """Components of the fluid that all methods share."""
 
-from msph.fluid.boundary.apertures import Apertures
 from msph.fluid.boundary.beach import Beaches
 from msph.fluid.boundary.body_links import BodyLinks
 from msph.fluid.boundary.boundary import Boundary
@@ -15,7 +14,6 @@ from msph.fluid.impulse_ledger import ImpulseLedger
 from msph.fluid.particles.grid import LayeredGrid
 from msph.fluid.particles.images import Images
 from msph.fluid.particles.layers import Layers
-from msph.fluid.particles.mirrors import Mirrors
 from msph.fluid.particles.neighbour_list import NeighbourList
 from msph.fluid.particles.particles import Attribute, Particles
 from msph.fluid.particles.removal import Removal
@@ -28,8 +26,8 @@ class Parts:
 
     def __init__(self, room: Room, attributes: tuple[Attribute, ...]):
         self.room, self.constants, self.layers = room, Constants(), Layers()
-        self.apertures, self.mirror = Apertures(self.constants), Mirrors(self.constants)
         self.walls = Walls(self.constants)
+        self.apertures = self.walls.apertures
         self.particles = Particles(room.particles, attributes)
         self.grid = LayeredGrid(room, self.constants, self.layers, self.particles)
         self.boundary = Boundary(room, self.constants, self.layers)

@@ -69,10 +69,12 @@ def footprint(
 
 
 class Mark(NamedTuple):
-    """State of a simulation; mass [kg] that was spilt and that left through outflows; impulses and
-    angular impulses of the water on bodies, and impulse on bodies that were removed."""
+    """State of a simulation; totals of the ledger; mass [kg] that was spilt and that left through
+    outflows; impulses and angular impulses of the water on bodies, and impulse on bodies that were
+    removed."""
 
     state: dict[str, np.ndarray]
+    totals: list[np.ndarray]
     left: tuple[float, float]
     received: tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -143,8 +145,7 @@ class Simulation:
     def park(self) -> None:
         """Returns the fields to the stock until unpark(), so that another simulation can use them
         with their compiled kernels; the state moves to the host."""
-        mark = self.mark()
-        self._parked = mark, self.world.parts.impulses.totals()
+        self._parked = self.mark()
         self._lease()
 
     def unpark(self) -> None:
@@ -154,9 +155,7 @@ class Simulation:
         capacity = self._capacity
         self.world.load(self.plan)
         self.particles.capacity = capacity
-        mark, totals = self._parked
-        self._put_back(mark)
-        self.world.parts.impulses.restore(totals)
+        self.undo(self._parked)
 
     def reset(self) -> None:
         """Restores the initial state at time zero."""
@@ -406,22 +405,17 @@ class Simulation:
         checkpoint.restore(self, state)
 
     def mark(self) -> Mark:
-        """Returns what undo() needs to restore the present state with all sums of the ledger. Only
-        the last mark can be undone."""
+        """Returns what undo() needs to restore the present state with all sums of the ledger."""
         boundary, rim = self.boundary, self.rim
         self.contact.push_bodies()
-        self.world.parts.impulses.mark()
         received = boundary.impulse.copy(), boundary.twist.copy(), boundary.removed_impulse.copy()
-        return Mark(self.state(), (rim.mass, rim.outflow), received)
+        totals = self.world.parts.impulses.totals()
+        return Mark(self.state(), totals, (rim.mass, rim.outflow), received)
 
     def undo(self, mark: Mark) -> None:
         """Restores the state of a mark()."""
-        self._put_back(mark)
-        self.world.parts.impulses.undo()
-
-    def _put_back(self, mark: Mark) -> None:
-        """Restores a mark without the sums of the ledger."""
         checkpoint.put_back(self, mark.state)
+        self.world.parts.impulses.restore(mark.totals)
         self.rim.mass, self.rim.outflow = mark.left
         self.boundary.impulse, self.boundary.twist, self.boundary.removed_impulse = mark.received
 

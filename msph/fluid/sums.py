@@ -14,8 +14,7 @@ SLOTS = 1024
 @data_oriented
 class Sum:
     """A sum of numbers, or of vectors of three components. total: field of shape (), complete after
-    gather() of all slots. On a CPU, particles add to it directly. marked: the total at the last
-    ImpulseLedger.mark().
+    gather() of all slots. On a CPU, particles add to it directly.
 
     Sums have double precision where the device supports it: in single precision the sums of still
     water drifted by 2.6e-5 of the largest sum m |v| in 2 s, 20 times the drift in double precision.
@@ -23,9 +22,9 @@ class Sum:
 
     def __init__(self, vector: bool = False):
         number, self.vector = longest_float(), vector
-        self.total, self.marked, self.parts = (
+        self.total, self.parts = (
             ti.Vector.field(3, number, shape=shape) if vector else ti.field(number, shape=shape)
-            for shape in ((), (), SLOTS)
+            for shape in ((), SLOTS)
         )
         self.direct = on_cpu()
 

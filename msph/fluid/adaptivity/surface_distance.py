@@ -101,10 +101,10 @@ class SurfaceDistance(Part):
         for i in range(n):
             layer, x = self.particles.layer[i], self.particles.x[i]
             h = REACH * self.layers.spacing[layer] + self.constants.depth_margin[None]
-            volume, near = self.layers.volume[layer], self.mirror.walls_near(x, h)
-            for way in range(self.mirror.combinations(near)):
-                mirror, wall = self.mirror.mirror_and_wall(self.mirror.combination(way, near))
-                self._cover_by(self.mirror.reflected(x, mirror, wall), h, volume)
+            volume, near = self.layers.volume[layer], self.walls.near(x, h)
+            for way in range(self.walls.combinations(near)):
+                mirror, wall = self.walls.mirror_and_wall(self.walls.combination(way, near))
+                self._cover_by(self.walls.reflected(x, mirror, wall), h, volume)
 
     @kernel
     def _cover_by_bodies(self):

@@ -22,7 +22,7 @@ class Apertures:
 
     @ti.func
     def beyond(self, x):
-        """Returns the walls beyond which x [m] lies, as bits (Mirrors.walls_near)."""
+        """Returns the walls beyond which x [m] lies, as bits (Walls.near)."""
         found, walls = 0, self.constants.walls[None]
         for k in ti.static(range(3)):
             found |= ti.select(x[k] < 0.0, 1 << k, 0) | ti.select(x[k] > walls[k], 8 << k, 0)

@@ -123,18 +123,18 @@ class BodyLinks(Part):
         p = self.particles
         for i in range(n):
             x, h = p.x[i], self.boundary.support[p.layer[i]]
-            near = self.mirror.walls_near(x, h) & self._mirroring_walls()
+            near = self.walls.near(x, h) & self._mirroring_walls()
             near &= ~self.apertures.beyond(x)
-            combinations = self.mirror.combinations(near)
+            combinations = self.walls.combinations(near)
             count = 0
             for number in range(combinations):
-                count += self._count(i, self.mirror.combination(number, near), h)
+                count += self._count(i, self.walls.combination(number, near), h)
             # Outside the loops, in which Mesa's software driver loses atomic operations.
             link = ti.atomic_add(self.found[None], count)
             first, limit = link, ti.min(link + count, self.capacity)
             if count > 0:
                 for number in range(combinations):
-                    self._add(i, self.mirror.combination(number, near), h, limit, link)
+                    self._add(i, self.walls.combination(number, near), h, limit, link)
             p.first_link[i], p.links[i] = first, link - first
             # By rounding, a link that was counted may not be found: it has no effect.
             for empty in range(link, limit):
@@ -160,7 +160,7 @@ class BodyLinks(Part):
     def _reaches(self, b, x, mirrors, h):
         """Returns False if body b is certainly farther than h [m] from the position x [m] mirrored
         by `mirrors`, or is not mirrored by these walls."""
-        mirrored = self.mirror.by_walls(mirrors, self.boundary.mirroring[b]) == mirrors
+        mirrored = self.walls.by_walls(mirrors, self.boundary.mirroring[b]) == mirrors
         return mirrored and self.boundary.reaches(b, x, h, BEGIN)
 
     @ti.func
@@ -171,8 +171,8 @@ class BodyLinks(Part):
     @ti.func
     def _count(self, i, mirrors, h):
         """Returns the number of links that _add() stores."""
-        mirror, wall = self.mirror.mirror_and_wall(mirrors)
-        x, found = self.mirror.reflected(self.particles.x[i], mirror, wall), 0
+        mirror, wall = self.walls.mirror_and_wall(mirrors)
+        x, found = self.walls.reflected(self.particles.x[i], mirror, wall), 0
         for b in range(self.constants.bodies[None]):
             if self._reaches(b, x, mirrors, h) and self._links(b, x, self.particles.layer[i], h):
                 found += 1
@@ -182,8 +182,8 @@ class BodyLinks(Part):
     def _add(self, i, mirrors, h, limit, link: ti.template()):
         """Stores the links of particle i by `mirrors` from index `link` to `limit`, and advances
         it."""
-        mirror, wall = self.mirror.mirror_and_wall(mirrors)
-        x = self.mirror.reflected(self.particles.x[i], mirror, wall)
+        mirror, wall = self.walls.mirror_and_wall(mirrors)
+        x = self.walls.reflected(self.particles.x[i], mirror, wall)
         for b in range(self.constants.bodies[None]):
             if self._reaches(b, x, mirrors, h) and self._links(b, x, self.particles.layer[i], h):
                 if link < limit:
@@ -254,7 +254,7 @@ class BodyLinks(Part):
         """Adds an impulse [N s] on the body of a link, in the frame of the particle, for record();
         it acts at the foot of the perpendicular from the mirrored particle. Only the thread of the
         link's particle may call this."""
-        push = self.mirror.mirror_and_wall(self.mirrors[link])[0] * impulse
+        push = self.walls.mirror_and_wall(self.mirrors[link])[0] * impulse
         foot = self.place[link] - self.distance[link] * self.normal[link]
         self.pushed[link] = self.pushed[link] + push
         self.twisted[link] = self.twisted[link] + foot.cross(push)

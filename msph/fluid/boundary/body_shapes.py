@@ -34,7 +34,7 @@ class BodyShapes:
     followed by its share lattices;
     joined, 1 for bodies that may overlap others; inverse_mass [1/kg], 0 for prescribed motion;
     friction coefficient (-); mirroring, the walls that mirror the body at BEGIN as bits
-    (Mirrors.walls_near). Tables by body and pose: centre [m]; rotation, body frame to box
+    (Walls.near). Tables by body and pose: centre [m]; rotation, body frame to box
     frame; velocity [m/s] and spin [rad/s], equal for both poses; inverse_inertia [1/(kg m^2)] in
     the box frame.
     """

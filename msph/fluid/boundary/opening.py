@@ -76,7 +76,7 @@ class Opening:
 
     def wall(self, walls: np.ndarray, spacing: float) -> int:
         """Returns the wall on which the opening lies and to which its flow is normal, as a bit
-        (Mirrors.walls_near), or 0. walls (3,) [m]: the far walls; spacing [m]: of its
+        (Walls.near), or 0. walls (3,) [m]: the far walls; spacing [m]: of its
         layer."""
         outwards = -self.along if self.enters else self.along
         for k in range(3):

@@ -18,7 +18,7 @@ ROUNDING = 1e-6
 class Stroke:
     """Motion of a piston from its wall into the box: from `place` [m] at the time `start` [s], with
     a speed [m/s] that changes evenly from `speed` to `next_speed` within `duration` [s], and at
-    rest afterwards. wall: the replaced wall, as a bit (Mirrors.walls_near)."""
+    rest afterwards. wall: the replaced wall, as a bit (Walls.near)."""
 
     wall: int
     start: float = 0.0

@@ -114,7 +114,7 @@ class Images(Part):
                     fits = limit <= self.capacity
                     p.first_image[i] = place
                     if fits and most > 0:
-                        for way in range(1, self.mirror.combinations(viewer.walls)):
+                        for way in range(1, self.walls.combinations(viewer.walls)):
                             self._store(viewer, way, opened, place)
                     p.body_image[i] = place
                     if ti.static(self.traits.bodies):
@@ -130,9 +130,9 @@ class Images(Part):
         walls; a CPU thread uses what is left for its next particle."""
         i = viewer.i
         entries, found = self.neighbours.end[i] - self.neighbours.start[i] + 1, 0
-        for way in range(1, self.mirror.combinations(viewer.walls)):
-            mirrors = self.mirror.combination(way, viewer.walls)
-            mirror, wall = self.mirror.mirror_and_wall(mirrors)
+        for way in range(1, self.walls.combinations(viewer.walls)):
+            mirrors = self.walls.combination(way, viewer.walls)
+            mirror, wall = self.walls.mirror_and_wall(mirrors)
             if self._meets(viewer, mirror, wall):
                 if ti.static(self.counted):
                     found += self._sees(viewer, i, mirrors, mirror, wall, opened)
@@ -150,7 +150,7 @@ class Images(Part):
         """Returns particle i with the walls and openings near it."""
         x, layer = self.particles.x[i], self.particles.layer[i]
         reach, openings = self.neighbours.max_reach[layer], 0
-        walls = self.mirror.walls_near(x, reach)
+        walls = self.walls.near(x, reach)
         if ti.static(opened):
             walls &= ~self.apertures.beyond(x)
             openings = self.apertures.near(x, reach)
@@ -162,8 +162,8 @@ class Images(Part):
         j must both be mirrored: forces between two particles must be equal and opposite."""
         x_j = self.particles.x[j]
         reach = self.neighbours.reaches[viewer.layer, self.particles.layer[j]]
-        near = self.mirror.offset(viewer.x, x_j, mirror, wall).norm_sqr() < reach * reach
-        near = near and self.mirror.is_mirrored(x_j)
+        near = self.walls.offset(viewer.x, x_j, mirror, wall).norm_sqr() < reach * reach
+        near = near and self.walls.is_mirrored(x_j)
         if ti.static(opened):
             near = near and self.apertures.visible(viewer.x, x_j, mirrors, viewer.openings)
         return ti.select(near, 1, 0)
@@ -180,8 +180,8 @@ class Images(Part):
         """Stores the images by one combination of walls from `place` on, which it advances. Each
         particle is written to the next place, which advances only if its image is seen: a branch
         would be mispredicted."""
-        i, mirrors, first = viewer.i, self.mirror.combination(way, viewer.walls), place
-        mirror, wall = self.mirror.mirror_and_wall(mirrors)
+        i, mirrors, first = viewer.i, self.walls.combination(way, viewer.walls), place
+        mirror, wall = self.walls.mirror_and_wall(mirrors)
         if self._meets(viewer, mirror, wall):
             self.index[place] = i
             place += self._sees(viewer, i, mirrors, mirror, wall, opened)
@@ -192,7 +192,7 @@ class Images(Part):
         for s in range(first, place):
             x_j = self.particles.x[self.index[s]]
             self.mirrors[s], self.link[s] = mirrors, -1
-            self.arm[s] = self.mirror.offset(viewer.x, x_j, mirror, wall)
+            self.arm[s] = self.walls.offset(viewer.x, x_j, mirror, wall)
 
     @ti.func
     def _store_in_body(self, viewer, link, place: ti.template(), share: ti.template()):
@@ -221,7 +221,7 @@ class Images(Part):
         walls, some of which may mirror the body."""
         links, b, found = self.links, self.links.body[link], BodyImage(partner=-1)
         both = links.mirrors[link] ^ mirrors
-        own = self.mirror.by_walls(both, self.boundary.mirroring[b])
+        own = self.walls.by_walls(both, self.boundary.mirroring[b])
         # Images of images, by both walls of an axis, are out of reach.
         if ((both >> 3) & ~both & 7) == 0:
             first = self.particles.first_link[j]
@@ -229,9 +229,9 @@ class Images(Part):
                 if links.body[k] == b and links.mirrors[k] == own:
                     found.partner, found.rest = k, both ^ own
             if found.partner >= 0:
-                mirror, wall = self.mirror.mirror_and_wall(found.rest)
+                mirror, wall = self.walls.mirror_and_wall(found.rest)
                 centre = self.boundary.centre[b, BEGIN]
-                x = self.mirror.reflected(links.place[found.partner] + centre, mirror, wall)
+                x = self.walls.reflected(links.place[found.partner] + centre, mirror, wall)
                 found.r = links.place[link] - (x - centre)
                 product = links.distance[link] * links.distance[found.partner]
                 found.r2 = found.r.norm_sqr() + 4.0 * product
@@ -256,7 +256,7 @@ class Images(Part):
         links, k, layer = self.links, image.partner, viewer.layer
         j = links.particle[k]
         own = self._signs(links.mirrors[link])
-        rest, rest_wall = self.mirror.mirror_and_wall(image.rest)
+        rest, rest_wall = self.walls.mirror_and_wall(image.rest)
         per_h, r = self.layers.per_h[layer, self.particles.layer[j]], ti.sqrt(image.r2)
         scale = self.layers.scale[layer, self.particles.layer[j]]
         self.link[s], self.partner[s] = link, k
@@ -274,7 +274,7 @@ class Images(Part):
         push += g + back
         torque += links.place[link].cross(g) + (links.place[link] - image.r).cross(back)
         centre = self.boundary.centre[links.body[link], BEGIN]
-        x = self.mirror.reflected(links.place[k] + centre, rest, rest_wall)
+        x = self.walls.reflected(links.place[k] + centre, rest, rest_wall)
         behind = 2.0 * links.distance[k] * n_i
         self.index[s], self.mirrors[s] = j, image.rest
         self.gradient[s] = own * g
@@ -288,7 +288,7 @@ class Images(Part):
 
     @ti.func
     def _signs(self, mirrors):
-        return self.mirror.mirror_and_wall(mirrors)[0]
+        return self.walls.mirror_and_wall(mirrors)[0]
 
     @ti.func
     def factor(self, s):

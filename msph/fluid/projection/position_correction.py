@@ -230,7 +230,7 @@ class PositionCorrection(Discretisation):
         """Returns the largest speed [m/s] at which walls within reach of x approach or recede;
         |v| near bodies, whose faces may have any direction."""
         h = self.layers.support[self.particles.layer[i]]
-        speed, near = 0.0, self.mirror.walls_near(x, h)
+        speed, near = 0.0, self.walls.near(x, h)
         for k in ti.static(range(3)):
             meets = ((near >> k) | (near >> (k + 3))) & 1
             speed = ti.max(speed, meets * abs(v[k]))

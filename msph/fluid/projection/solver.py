@@ -130,15 +130,13 @@ class Projection(Discretisation):
         return rows, pairs
 
     @staticmethod
-    def all_attributes() -> tuple[Attribute, ...]:
-        """Returns all attributes that any scene may use, beyond the core."""
-        own = (a for force in FORCES for a in force.ATTRIBUTES)
-        return (*ATTRIBUTES, *own, *ADAPTATION_ATTRIBUTES)
-
-    @staticmethod
-    def attributes(parameters: ProjectionParameters, adaptive: bool) -> tuple[Attribute, ...]:
-        """Returns the attributes that a scene with these parameters uses, beyond the core."""
-        own = (a for force in FORCES if force.enabled(parameters) for a in force.ATTRIBUTES)
+    def attributes(
+        parameters: ProjectionParameters | None, adaptive: bool
+    ) -> tuple[Attribute, ...]:
+        """Returns the attributes that a scene with these parameters uses, beyond the core; without
+        parameters, those that any scene may use."""
+        used = [f for f in FORCES if parameters is None or f.enabled(parameters)]
+        own = (a for force in used for a in force.ATTRIBUTES)
         return (*ATTRIBUTES, *own, *(ADAPTATION_ATTRIBUTES if adaptive else ()))
 
     @staticmethod

@@ -74,7 +74,7 @@ class ViscousOperator(Discretisation):
         for s in range(self.particles.first_image[i], self.particles.body_image[i]):
             j, r_ij = self.images.index[s], self.images.arm[s]
             other, x_j = self.particles.layer[j], self.particles.x[j]
-            mirror, wall = self.mirror.mirror_and_wall(self.images.mirrors[s])
+            mirror, wall = self.walls.mirror_and_wall(self.images.mirrors[s])
             y = wall_distance(x, self.layers.support[layer], mirror, wall)
             y_j = wall_distance(x_j, self.layers.support[other], mirror, wall)
             exchange = EXCHANGE_FACTOR * (field[j] - y_j / y * v)
@@ -107,7 +107,7 @@ class ViscousOperator(Discretisation):
     def _set_wall_friction(self, i):
         x, h = self.particles.x[i], self.layers.support[self.particles.layer[i]]
         crossed = self.apertures.crossed(x, x, self.apertures.near(x, h))
-        near = self.mirror.walls_near(x, h) & ~crossed
+        near = self.walls.near(x, h) & ~crossed
         walls, found = self.constants.walls[None], 0.0
         for k in ti.static(range(3)):
             low, far = wall_friction(x[k], h), wall_friction(walls[k] - x[k], h)
