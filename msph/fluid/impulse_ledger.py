@@ -60,6 +60,9 @@ class ImpulseLedger:
     def totals(self) -> list[Any]:
         """Returns the totals of all sums."""
         self.gather()
+        memories = [memory_of(each.total) for each in self.sums]
+        if all(memories):  # to_numpy() takes 15 us
+            return [np.squeeze(memory.array()).copy() for memory in memories]
         return [each.total.to_numpy() for each in self.sums]
 
     def restore(self, totals: list[Any]) -> None:
