@@ -64,7 +64,7 @@ class Walls:
         """Returns `end` [m], moved to the distance `margin` [m] from the walls if they stop the way
         from `start` [m]. Side walls stop no particle that is above the rim or was outside."""
         lo, hi = vec3(margin), self.constants.walls[None] - margin
-        if end.y > self.constants.rim[None] or self.apertures.beyond(start) & SIDES:
+        if end.y > self.constants.rim[None] or self.apertures.beyond(start) & SIDES != 0:
             lo, hi = vec3(-NO_WALL, margin, -NO_WALL), vec3(NO_WALL)
         if self.constants.opening_count[None] > 0:
             passed = self.apertures.passable(end) | self.apertures.beyond(start)
