@@ -81,12 +81,12 @@ class Boundary(BodyShapes):
         self.moving = self.driven or self.floating.count > 0
         # Centres at time zero, by pose.
         self._start = np.array([[centre(b)] * 2 for b in self.bodies])
-        # Points (bodies, n, 3) [m] in the bodies' frames, and radius (bodies, 1) [m] around them,
+        # Points (bodies, 3, n) [m] in the bodies' frames, and radius (bodies, 1) [m] around them,
         # beyond which no body reaches.
         outlines = [_outline(b) for b in self.bodies]
         most = max(map(len, outlines), default=0)
         padded = [np.resize(outline, (most, 3)) for outline in outlines]
-        self._outlines = np.reshape(padded, (self.count, most, 3))
+        self._outlines = np.reshape(padded, (self.count, most, 3)).transpose(0, 2, 1).copy()
         self._radius = np.array([[getattr(b, "radius", 0.0)] for b in self.bodies])
         # Depth [m] of the thinnest body: from its middle to the water.
         self.thinnest = math.inf
@@ -353,9 +353,9 @@ class Boundary(BodyShapes):
         if not self.bodies:
             return
         centres, turns = self._at_begin
-        points = self._outlines @ turns.transpose(0, 2, 1)
-        lo = centres + points.min(axis=1) - self._radius
-        hi = centres + points.max(axis=1) + self._radius
+        points = turns @ self._outlines
+        lo = centres + points.min(axis=2) - self._radius
+        hi = centres + points.max(axis=2) + self._radius
         gaps = np.concatenate([lo, self._walls - hi], axis=1)
         near = (gaps < self._reach) & (gaps > -self._crossing) & ~self._inward[:, None]
         self._mirrors.fill(mirroring=near @ (1 << np.arange(6)))
