@@ -15,7 +15,7 @@ import numpy as np
 
 from msph.fluid.boundary.walls import wall_constants
 from msph.launches import watch_compiling
-from msph.measure.bulk import bulk_density
+from msph.measure.snapshot import Snapshot
 from msph.scene.build import roomy_plan_of
 from msph.scene.live import read
 from msph.stage.controls import Controls, Inputs
@@ -276,22 +276,18 @@ class RemoteShow(ShownScene):
         """Continues from the first of these checkpoints that fits, or says `otherwise`."""
         self.remote.asked |= {"reopen": checkpoints, "otherwise": otherwise}
 
-    def _inside(self) -> tuple[np.ndarray, np.ndarray]:
-        """Returns position [m] and spacing [m] of the particles within the walls."""
+    def water(self) -> Snapshot:
         particles, plan = self.state.particles, self.state.plan
         walls = np.array(wall_constants(plan.size, plan.open_top)["walls"])
         x = particles.numpy("x").astype(float)
         inside = np.all((x >= 0.0) & (x <= walls), axis=1)
-        spacings = np.array([s.spacing for s in self.state.layers.specs])
-        return x[inside], spacings[particles.numpy("layer")[inside]]
-
-    def water_volume(self) -> float:
-        return float((self._inside()[1] ** 3).sum())
-
-    def bulk_density_error(self) -> float:
-        """Returns the error of the bulk density (-); NaN if the water is too thin."""
+        layer = particles.numpy("layer")[inside]
+        spacing, support = (
+            np.array([getattr(s, name) for s in self.state.layers.specs])[layer]
+            for name in ("spacing", "support")
+        )
         free = self.state.boundary.free
-        return bulk_density(*self._inside(), self.state.region, free).mean - 1.0
+        return Snapshot(x[inside], None, spacing, support, self.state.region, free)
 
     def close(self) -> None:
         """Drops all parts, so that other scenes can use their memory."""

@@ -13,7 +13,8 @@ import numpy as np
 from msph.errors import MsphError
 from msph.fluid.boundary.rim import AllSpiltError
 from msph.fluid.moving_box import MovingBox
-from msph.measure.bulk import bulk_density
+from msph.fluid.simulation import Mark
+from msph.fluid.trapped_water import TrappedWaterError
 from msph.measure.first_pressure import with_first_pressures
 from msph.measure.ledger import Ledger
 from msph.measure.past import read_state
@@ -28,7 +29,6 @@ from msph.stage.controls import Controls, Inputs
 from msph.stage.display import Display
 from msph.stage.pose import Pose
 from msph.stage.shown_scene import ShownScene
-from msph.stage.stops import Stops
 from msph.stage.tools import Toolbox
 from msph.state import Moment, State, state_of
 from msph.surface import SurfaceMesh
@@ -52,8 +52,9 @@ class Show(ShownScene):
     begins again when all water is spilt. interactive: frames
     may set the image scale, and compile kernels that the first image does not need. free_steps:
     steps need not end with frames, unless the user turns the box or moves a wall, whose motion is
-    given by frame. simulated [s]: time simulated by the last frame. spare, room: see
-    build_simulation. Unused parts are neither allocated nor compiled.
+    given by frame. simulated [s]: time simulated by the last frame; stopped: names of the bodies
+    that were stopped. spare, room: see build_simulation. Unused parts are neither allocated nor
+    compiled.
     """
 
     def __init__(
@@ -78,7 +79,7 @@ class Show(ShownScene):
         self.stop_bodies, self.interactive = stop_bodies, interactive
         self.free_steps = free_steps
         self.simulation = build_simulation(scene, spare, room)
-        self.counts, self.stops = self.simulation.counts(), Stops(self.simulation)
+        self.counts, self.stopped = self.simulation.counts(), set[str]()
         self.ledger = Ledger(self.simulation, density_every)
         self.frames = self.resets = 0
         self.pose, self.tools = Pose(scene), Toolbox(self.simulation, scene.seed)
@@ -144,7 +145,7 @@ class Show(ShownScene):
     def close(self) -> None:
         """Drops all parts, so that another simulation can use their memory."""
         self.simulation.close()
-        for part in ("simulation", "tools", "stops", "ledger", "display", "state"):
+        for part in ("simulation", "tools", "ledger", "display", "state"):
             setattr(self, part, None)
 
     def frame(self, controls: Controls) -> None:
@@ -174,27 +175,47 @@ class Show(ShownScene):
     def _advance(self, controls: Controls, external: MovingBox) -> float:
         """Advances the fluid by a frame and returns the simulated time [s]."""
         sim, frame_time = self.simulation, controls.frame_time or self.frame_time
-        frame = partial(
-            sim.advance,
-            frame_time,
-            external,
-            self.timings.substage,
-            controls.budget,
-            self.clock,
-            self.on_progress,
-            controls.until,
-            self.free_steps and not (external.turned_by_hand or sim.piston),
-        )
-        if not self.stop_bodies:
-            return frame()
+        before = sim.mark() if self.stop_bodies and sim.boundary.driven else None
         try:
-            simulated = self.stops.advance(frame_time, frame)
+            return sim.advance(
+                frame_time,
+                external,
+                self.timings.substage,
+                controls.budget,
+                self.clock,
+                self.on_progress,
+                controls.until,
+                self.free_steps and not (external.turned_by_hand or sim.piston),
+            )
         except AllSpiltError as error:
+            if not self.stop_bodies:
+                raise
             self.reset()
             self.note = f"{error}: the scene begins again"
-            return 0.0
-        self.note = self.stops.note or self.note
-        return simulated
+        except TrappedWaterError as error:
+            if before is None:
+                raise
+            self._stop(error, before, frame_time)
+        return 0.0
+
+    def _stop(self, error: TrappedWaterError, before: Mark, frame_time: float) -> None:
+        """Undoes a frame of `frame_time` [s] in which a body trapped water, and stops the body a
+        frame earlier; a piston is removed."""
+        sim = self.simulation
+        times = dict(sim.boundary.stopped)
+        by_wall = sim.boundary.bodies[error.body].motion is sim.piston
+        sim.undo(before)
+        if by_wall:
+            sim.remove_piston()
+            self.note = f"{error.name} is gone: it had trapped water"
+            return
+        # Repeated stops of a body move it back farther: the compressed water needs room.
+        now = sim.reached
+        times[error.body] = min(now, times.get(error.body, now)) - frame_time
+        for body, since in times.items():
+            sim.boundary.stop(body, since)
+        sim.boundary.place(now, 0.0)
+        self.stopped.add(error.name)
 
     def _moving_box(self, controls: Controls) -> MovingBox:
         """Sets the tilt, uses the tool, and returns the external forces of the frame: gravity,
@@ -258,7 +279,7 @@ class Show(ShownScene):
         self.pose.reset(self.simulation.time)
         if self.draws:
             self.display.reset()
-        self.stops.stopped.clear()
+        self.stopped.clear()
         self.counts = self.simulation.counts()
         self.ledger.clear()
         self.simulated = 0.0
@@ -284,7 +305,7 @@ class Show(ShownScene):
             solver_residual=self.now.solver_residual if last and math.isnan(residual) else residual,
             fluid=self.timings.spent("fluid"),
             resets=self.resets,
-            stopped=frozenset(self.stops.stopped),
+            stopped=frozenset(self.stopped),
             waiting=sim.openings.message() or "",
         )
 
@@ -313,16 +334,8 @@ class Show(ShownScene):
         centre = 0.5 * np.array(self.simulation.size)
         return with_first_pressures(water, self.scene.density, external, centre)
 
-    def water_volume(self) -> float:
-        """Returns the volume of the water at rest density [m^3], without water in pipes of
-        openings, which has no surface."""
-        return Snapshot.of(self.simulation).volume
-
-    def bulk_density_error(self) -> float:
-        """Returns the error of the bulk density (-), measured from the positions in milliseconds;
-        NaN if the water is too thin."""
-        water = Snapshot.of(self.simulation)
-        return bulk_density(water.x, water.spacing, water.size, water.free).mean - 1.0
+    def water(self) -> Snapshot:
+        return Snapshot.of(self.simulation)
 
     def rest_volume(self) -> float:
         """Returns the volume of all particles at rest density [m^3]."""

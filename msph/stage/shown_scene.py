@@ -5,6 +5,8 @@ from collections.abc import Callable
 from typing import Any
 
 from msph.launches import run_in_steps
+from msph.measure.bulk import bulk_density
+from msph.measure.snapshot import Snapshot
 from msph.measure.timings import Timings
 from msph.scene.live import live_parameters, read, with_live_value
 from msph.scene.parts import value_of, with_value
@@ -61,10 +63,19 @@ class ShownScene:
         """Extracts and returns the present surface, spray included."""
         return self.display.extracted()
 
-    def water_volume(self) -> float:
-        """Returns the volume of the water at rest density [m^3], without water in pipes of
-        openings, which has no surface."""
+    def water(self) -> Snapshot:
+        """Returns the present water, without that in pipes of openings, which has no surface."""
         raise NotImplementedError
+
+    def water_volume(self) -> float:
+        """Returns the volume of the water at rest density [m^3]."""
+        return self.water().volume
+
+    def bulk_density_error(self) -> float:
+        """Returns the error of the bulk density (-), measured from the positions in milliseconds;
+        NaN if the water is too thin."""
+        water = self.water()
+        return bulk_density(water.x, water.spacing, water.size, water.free).mean - 1.0
 
     def volume_error(self) -> float:
         """Returns the surface's volume over the volume at rest density, minus 1 (-)."""

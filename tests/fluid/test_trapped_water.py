@@ -63,7 +63,7 @@ def test_piston_is_stopped_by_stop_bodies_and_no_water_is_lost(tmp_path, motion)
     show = Show(load(tmp_path, PISTON, *MOTIONS[motion]), 1 / 60, stop_bodies=True)
     count = show.simulation.particles.count
     run(Row([show]), Headless(90))
-    assert show.stops.stopped == {"bodies.1"}
+    assert show.stopped == {"bodies.1"}
     assert show.warnings() == ["bodies.1 stopped: it had trapped water"]
     last = show.ledger.entries[-1]
     assert show.simulation.particles.count == count and last.outside == 0
@@ -71,7 +71,7 @@ def test_piston_is_stopped_by_stop_bodies_and_no_water_is_lost(tmp_path, motion)
     assert np.isfinite(show.simulation.particles.numpy("x")).all()
     assert np.linalg.norm(show.simulation.particles.numpy("v"), axis=1).max() < 1.0
     show.reset()
-    assert not show.stops.stopped and not show.warnings()
+    assert not show.stopped and not show.warnings()
 
 
 def test_a_frame_that_is_undone_leaves_no_trace_in_the_ledger(tmp_path):
