@@ -1,11 +1,11 @@
 """Messages between the process of a window and the process of its simulations.
 
 Window to simulations: an Order for the scenes to run, then a Command for each frame, and END; None
-ends the process. Simulations to window: texts of what they do meanwhile, Ready, an Answer to each
-Command, and SimulationError, each with the serial number of its order (0: of no order), so that
-those of an earlier one are ignored. The next Command is sent once the last one is answered, before
-its image is drawn, so that both processes work at the same time; the arrays of an Answer stay valid
-until the next Answer.
+ends the process. Simulations to window: texts of what they do meanwhile, Ready, a list of Answers
+to each Command, and SimulationError, each with the serial number of its order (0: of no order), so
+that those of an earlier one are ignored. The next Command is sent once the last one is answered,
+before its image is drawn, so that both processes work at the same time; the arrays of an Answer
+stay valid until the next Answer.
 """
 
 from collections.abc import Callable
@@ -64,20 +64,18 @@ class Order:
 
 @dataclass(frozen=True)
 class Command:
-    """Input of a frame, and what the window needs of each simulation. keep: checkpoint to write;
-    reopen: checkpoints, of which the first that fits is continued; otherwise: note if none fits."""
+    """Input of a frame, and what the window needs of each simulation. calls: methods of the lead to
+    call before the frame, with their arguments."""
 
     controls: Controls
     wanted: list[Wanted]
-    keep: Path | None = None
-    reopen: list[Path] | None = None
-    otherwise: str = ""
+    calls: list[tuple[str, tuple]] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
 class Ready:
     """The simulations are built. names: of the SharedArrays of each; about: number of particles and
-    mass of each; an Answer with the initial state follows."""
+    mass of each; Answers with the initial state follow."""
 
     names: list[str]
     about: list[str]
@@ -85,15 +83,14 @@ class Ready:
 
 @dataclass(frozen=True)
 class Answer:
-    """State of each simulation after a frame, in the set `index` of their arrays; notes: messages
-    to the user; changes: live parameters that differ from their initial values; numbers: as wanted.
-    """
+    """State of a simulation after a frame, in the set `index` of its arrays; note: message to the
+    user; changes: live parameters that differ from their initial values; numbers: as wanted."""
 
     index: int
-    packets: list[Packet]
-    notes: list[str]
-    changes: list[dict[str, float]]
-    numbers: list[dict[str, float]]
+    packet: Packet
+    note: str
+    changes: dict[str, float]
+    numbers: dict[str, float]
 
 
 class SimulationError(MsphError):

@@ -48,7 +48,7 @@ class Remote:
         self.left = math.inf  # number of frames that may still be asked for
         self.shows: list[RemoteShow] = []
         self.given = Inputs()  # changes and reset of the next Command
-        self.asked: dict[str, Any] = {}  # keep and reopen of the next Command
+        self.calls: list[tuple[str, tuple]] = []  # of the next Command
 
     def __enter__(self) -> "Remote":
         return self
@@ -78,7 +78,7 @@ class Remote:
         with compiling(report) as tell, watch_compiling(self._check):
             row = Row.arranged(partial(RemoteShow, self, order), order.labels, size, below)
             row.remote, self.shows = self, row.shows
-            self.given, self.asked = Inputs(), {}
+            self.given, self.calls = Inputs(), []
             for show in self.shows:
                 show.warm_up(order.whole)
             ready = self._wait_for(Ready, tell, begin)
@@ -88,7 +88,7 @@ class Remote:
                 show.arrays = SharedArrays(show.state.plan.max_particles, name)
             except FileNotFoundError:
                 raise self._lost() from None
-        self._take(self._wait_for(Answer, tell, begin))
+        self._take(self._wait_for(list, tell, begin))
         say_ready(begin, ready.about)
         return row
 
@@ -107,10 +107,10 @@ class Remote:
         """Sends the input of the next frame, unless an answer is owed or no frame is left."""
         if self.busy or not self.left:
             return
-        given, asked, self.given, self.asked = self.given, self.asked, Inputs(), {}
+        given, calls, self.given, self.calls = self.given, self.calls, Inputs(), []
         changed = {**given.set, **controls.set}
         controls = replace(controls, set=changed, reset=controls.reset or given.reset)
-        self._send(Command(controls, [show.wanted() for show in self.shows], **asked))
+        self._send(Command(controls, [show.wanted() for show in self.shows], calls))
         self.left -= 1
         self.busy, self.doing, self.since = True, "", time.perf_counter()
 
@@ -119,14 +119,14 @@ class Remote:
         until = time.perf_counter() + patience
         while self.busy:
             message = self._receive(max(until - time.perf_counter(), 0.0))
-            if isinstance(message, Answer):
+            if isinstance(message, list):
                 self._take(message)
             elif message is None and time.perf_counter() >= until:
                 return
 
-    def _take(self, answer: Answer) -> None:
+    def _take(self, answers: list[Answer]) -> None:
         self.busy = False
-        for show in self.shows:
+        for show, answer in zip(self.shows, answers, strict=True):
             show.take(answer)
 
     def end(self) -> None:
@@ -179,7 +179,7 @@ class RemoteShow(ShownScene):
     def __init__(self, remote: Remote, order: Order, place: int, size: tuple[int, int]):
         scene = order.scenes[place]
         super().__init__(scene)
-        self.remote, self.place, self.size = remote, place, size
+        self.remote, self.size = remote, size
         self.frame_time = order.frame_time_of(place)
         spare, room = (order.options.get(name, 0) for name in ("spare", "room"))
         self.interactive = order.options.get("interactive", False)
@@ -216,20 +216,20 @@ class RemoteShow(ShownScene):
 
     def take(self, answer: Answer) -> None:
         """Takes an answer of the simulation."""
-        resets, k = self.now.resets, self.place
+        resets = self.now.resets
         # Numbers from before a reset are unknown after it.
-        self.numbers = {} if self.remote.given.reset else answer.numbers[k]
-        receive(self.state, answer.packets[k], self.arrays.sets[answer.index])
-        self.simulated, self.note = self.now.simulated, answer.notes[k] or self.note
+        self.numbers = {} if self.remote.given.reset else answer.numbers
+        receive(self.state, answer.packet, self.arrays.sets[answer.index])
+        self.simulated, self.note = self.now.simulated, answer.note or self.note
         # A recording does not contain the initial state.
         self.fresh = self.interactive or self.simulated > 0.0
         if self.now.fluid > 0.0:  # not while paused
             self.timings.add("fluid", self.now.fluid)
         if self.now.resets != resets:
             self.display.reset()
-        if answer.changes[k] != self.reported:
+        if answer.changes != self.reported:
             # A replay or a checkpoint has changed them; own changes are known here.
-            self.reported = answer.changes[k]
+            self.reported = answer.changes
             for key in self.live:
                 value = self.reported.get(key, read(self.initial, key))
                 if value != read(self.scene, key):
@@ -270,11 +270,11 @@ class RemoteShow(ShownScene):
 
     def keep(self, checkpoint: Path) -> None:
         """Saves a checkpoint after the present frame."""
-        self.remote.asked["keep"] = checkpoint
+        self.remote.calls.append(("keep", (checkpoint,)))
 
     def reopen(self, checkpoints: list[Path], otherwise: str) -> None:
         """Continues from the first of these checkpoints that fits, or says `otherwise`."""
-        self.remote.asked |= {"reopen": checkpoints, "otherwise": otherwise}
+        self.remote.calls.append(("reopen", (checkpoints, otherwise)))
 
     def water(self) -> Snapshot:
         particles, plan = self.state.particles, self.state.plan

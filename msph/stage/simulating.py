@@ -126,29 +126,25 @@ class Follower(Audience):
         return True
 
     def controls(self, row: Row) -> Controls:
-        given = self.given
-        if given.keep:
-            row.lead.keep(given.keep)
-        if given.reopen is not None:
-            row.lead.reopen(given.reopen, given.otherwise)
-        return given.controls
+        for method, arguments in self.given.calls:
+            getattr(row.lead, method)(*arguments)
+        return self.given.controls
 
     def observe(self, row: Row) -> None:
         if self.progress and self.given.wanted:
             self.progress.update()
-        packets, notes, numbers = [], [], []
+        answers = []
         wanted = self.given.wanted or [show.state.wanted for show in row.shows]
         self.index = (self.index + 1) % SETS
         for show, sender, arrays, want, known in zip(
             row.shows, self.senders, self.arrays, wanted, self.numbers, strict=True
         ):
             show.state.take(show.simulation, show.now, want)
-            packets.append(sender.pack(arrays.sets[self.index]))
-            notes.append(show.note)
-            numbers.append({name: getattr(known, name) for name in want.numbers})
+            packet = sender.pack(arrays.sets[self.index])
+            numbers = {name: getattr(known, name) for name in want.numbers}
+            answers.append(Answer(self.index, packet, show.note, show.changes(), numbers))
             show.note = ""
-        changes = [show.changes() for show in row.shows]
-        self.tell(Answer(self.index, packets, notes, changes, numbers))
+        self.tell(answers)
 
     def free(self) -> None:
         """Frees the shared memory."""
