@@ -7,7 +7,7 @@ import os
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -79,27 +79,7 @@ class Autosaver(Witness):
             part.replace(self.path)
 
 
-@dataclass(frozen=True)
-class LostSession:
-    """A session that ended by a crash: its file, what it ran, and the live parameters that the user
-    had changed."""
-
-    path: Path
-    header: Header
-    set: dict[str, float] = field(default_factory=dict)
-
-    @property
-    def offer(self) -> str:
-        began = time.strftime("%H:%M", time.localtime(int(self.path.stem.split("_")[2]) / 1e9))
-        name = Path(self.header.scene).stem
-        return f"Enter continues {name} of {began}, any other key deletes it"
-
-    @property
-    def choice(self) -> Choice:
-        return Choice(self.header.scene, self.header.quality, self.set, resume=self.path)
-
-
-def lost_session(arguments: SceneArguments) -> LostSession | None:
+def lost_session(arguments: SceneArguments) -> Choice | None:
     """Returns the last session that ended by a crash and can go on with these arguments."""
     for path in sorted(_left(), key=lambda p: p.stat().st_mtime, reverse=True):
         # Damaged files, other versions, and scenes that are gone or called otherwise.
@@ -107,8 +87,15 @@ def lost_session(arguments: SceneArguments) -> LostSession | None:
             header, changes = SAVED.validate_json(str(read_state(path)[SESSION]))
             same = header.overrides == arguments.overrides_of(full_name(header.scene))
             if same and header.msph == VERSION:
-                return LostSession(path, header, changes)
+                return Choice(header.scene, header.quality, changes, resume=path)
     return None
+
+
+def offer(lost: Choice) -> str:
+    """Returns the message that offers to continue a lost session."""
+    assert lost.resume
+    began = time.strftime("%H:%M", time.localtime(int(lost.resume.stem.split("_")[2]) / 1e9))
+    return f"Enter continues {Path(lost.scene).stem} of {began}, any other key deletes it"
 
 
 def forget() -> None:

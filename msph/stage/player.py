@@ -10,7 +10,7 @@ import numpy as np
 from msph.fluid.methods import METHODS
 from msph.measure.resolution import mean_depth
 from msph.picture.camera import Camera
-from msph.stage.autosave import LostSession, forget
+from msph.stage.autosave import forget, offer
 from msph.stage.choice import Choice, SceneArguments
 from msph.stage.clip import Clip
 from msph.stage.controls import Controls
@@ -68,7 +68,7 @@ class Player(Audience):
         elif layout.panel:
             lead.display.camera = self._framing()
         self.runs = self.guide.runs
-        self.offer: LostSession | None = None  # offered to the user
+        self.lost: Choice | None = None  # a lost session that is offered to the user
         self.paused = self.single_step = self.done = self.helping = False
         self.pressed = list[str]()  # keys and buttons since the last controls()
         self.slides = False  # True while a slider of the lesson is held
@@ -121,7 +121,7 @@ class Player(Audience):
         for key in pressed:
             if key in BUTTONS:
                 steering.press(key, not (self.slides or self._on_page()))
-            elif self.offer and ACTIONS.get(key) not in (None, "quit"):
+            elif self.lost and ACTIONS.get(key) not in (None, "quit"):
                 self._answer(key)
             elif guide.handle_key(key):
                 self._level_after_reset()
@@ -167,13 +167,12 @@ class Player(Audience):
 
     def _answer(self, key: str) -> None:
         """Continues the offered session, or deletes all sessions that ended by a crash."""
-        assert self.offer
         if key == "Return":
-            self.menu.next = self.offer.choice
+            self.menu.next = self.lost
         else:
             forget()
             self.layout.show_message("the saved session was deleted")
-        self.offer = None
+        self.lost = None
 
     def _press(self, action: str) -> None:
         """Carries out an action that happens once per key press."""
@@ -270,8 +269,8 @@ class Player(Audience):
     def _present(self, row: Row) -> None:
         """Draws the pages over the image, and shows it."""
         self.saver.report()
-        if self.offer and self.layout.idle:
-            self.layout.show_message(self.offer.offer)
+        if self.lost and self.layout.idle:
+            self.layout.show_message(offer(self.lost))
         for show in row.shows:
             if show.note:
                 self.layout.show_message(show.note)

@@ -90,7 +90,7 @@ class Session:
     def _play(self, row: Row, choice: Choice) -> Choice | None:
         """Plays until the window is closed or another scene is chosen; returns the choice."""
         player = Player(self.window, row, choice, self.layout, self.arguments)
-        player.offer, self.lost = self.lost, None
+        player.lost, self.lost = self.lost, None
         if self.message:
             self.layout.show_message(self.message)
             self.message = ""

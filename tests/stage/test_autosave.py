@@ -10,7 +10,7 @@ import pytest
 from msph.errors import BlowUpError
 from msph.measure.timings import Timings
 from msph.stage import autosave
-from msph.stage.autosave import Autosaver, forget, lost_session, session_file
+from msph.stage.autosave import Autosaver, forget, lost_session, offer, session_file
 from msph.stage.choice import Choice, SceneArguments
 from msph.stage.loop import run
 from msph.stage.recorded_input import Header
@@ -62,10 +62,10 @@ def test_a_session_continues_where_it_was_saved(row, tmp_path, folder, others):
         session(row, scene, 1, 1, 1, end=BlowUpError("test"))  # session() waits for each write
     state = row.lead.simulation.state()
     found = lost_session(SceneArguments("pool"))
-    assert found.offer.startswith("Enter continues small of ")
-    assert found.choice == Choice(scene, "large", {"gravity": 5.0}, resume=found.path)
+    assert offer(found).startswith("Enter continues small of ")
+    assert found == Choice(scene, "large", {"gravity": 5.0}, resume=found.resume)
     row.lead.reset()
-    row.lead.resume(found.path)
+    row.lead.resume(found.resume)
     assert np.array_equal(row.lead.simulation.state()["x"], state["x"])
     assert lost_session(SceneArguments(scene, ("title=other",))) is None
     forget()
@@ -92,7 +92,7 @@ def test_a_running_session_is_not_offered(row, tmp_path, folder):
     assert lost_session(SceneArguments("pool")) is None
     # A file older than this process was written by another process with the same number.
     os.utime(path, (0.0, 0.0))
-    assert lost_session(SceneArguments("pool")).path == path
+    assert lost_session(SceneArguments("pool")).resume == path
     path.write_bytes(b"PK damaged")
     os.utime(path, (0.0, 0.0))
     assert lost_session(SceneArguments("pool")) is None
@@ -118,5 +118,5 @@ def test_the_state_is_copied_and_written_in_another_thread(row, tmp_path, monkey
         saver.writer.join()
         raise BlowUpError("test")
     assert len(threads) == 1 and threads[0] is not threading.main_thread()
-    with np.load(lost_session(SceneArguments(scene)).path) as state:
+    with np.load(lost_session(SceneArguments(scene)).resume) as state:
         assert state["time"] == time < row.lead.simulation.time

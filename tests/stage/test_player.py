@@ -10,12 +10,10 @@ import pytest
 
 from msph.scene import load_scene
 from msph.stage import clip, idle
-from msph.stage.autosave import LostSession
 from msph.stage.choice import Choice, SceneArguments
 from msph.stage.controls import Controls
 from msph.stage.keys import ACTIONS
 from msph.stage.player import SLOW_MOTION
-from msph.stage.recorded_input import Header
 from tests.fluid.fluid_kit import in_order
 from tests.stage.player_kit import FRAME, HEIGHT, WIDTH, drag, frames, press
 
@@ -258,21 +256,20 @@ def test_a_lost_session_is_offered_until_a_key_answers(player, cache):
     file = cache.with_name(f"session_gone_{began}.npz")
     file.parent.mkdir()
     file.touch()
-    lost = LostSession(file, Header.of("drop", "small"), {"gravity": 3.0})
-    player.offer = lost
+    lost = player.lost = Choice("drop", "small", {"gravity": 3.0}, resume=file)
     frames(player)
     assert player.layout.message == "Enter continues drop of 14:32, any other key deletes it"
     # Mouse buttons do not answer the offer, which is shown again after another message.
     press(player, "LMB")
     player.layout.until = 0.0
     frames(player)
-    assert player.offer and player.layout.message.startswith("Enter")
+    assert player.lost and player.layout.message.startswith("Enter")
     press(player, "Return")
-    assert player.next_choice == Choice("drop", "small", {"gravity": 3.0}, resume=file)
+    assert player.next_choice == lost
     assert not player.wants_more(player.row) and file.exists()
-    player.menu.next, player.offer = None, lost
+    player.menu.next, player.lost = None, lost
     press(player, "v")
-    assert player.offer is None and not file.exists() and player.wants_more(player.row)
+    assert player.lost is None and not file.exists() and player.wants_more(player.row)
 
 
 def test_random_input_at_a_window_loses_no_water(player, show):
