@@ -1,5 +1,6 @@
 """Layout of the window: pages over the image, and the panel column at the left."""
 
+import math
 import time
 from functools import partial
 
@@ -11,20 +12,24 @@ from msph.stage.graphs import Graphs
 from msph.stage.idle import Idle
 from msph.stage.pacer import Pacer
 from msph.stage.page import Page
-from msph.stage.panel import PAGES
 from msph.stage.row import Row, show_with_picked
-from msph.stage.sheet import INK, LINE, PADDING, WARNING, font_of, text_height, wrapped
-from msph.stage.status import Status
+from msph.stage.sheet import FAINT, INK, LINE, PADDING, WARNING, font_of, text_height, wrapped
+from msph.stage.show import Show
 from msph.stage.window import ARROWS
 
 MESSAGE_TIME = 4.0  # display time of a message [s]
 # Time [s] between two updates of numbers, and while the window waits for the simulation.
 EVERY, WAITING_EVERY = 0.4, 0.1
+# Time [s] between two measurements of the errors, which take milliseconds.
+ERRORS_EVERY = 1.2
+REAL_TIME = 0.95  # real-time factor from which a simulation runs in real time
 # In text heights: width of the panel column, gaps, largest height of a page of lines. HINTS: share
 # of the window's width for hints next to the legend of a particle view.
 COLUMN, GAP, ROOM, HINTS = 16.0, 0.25, 8, 0.62
 # Contents of the column, in the order in which a key switches them.
 PANELS = ("", "settings", "graphs")
+# Pages of the settings.
+PAGES = ("water", "light", "play", "views", "scenes", "quality")
 
 
 class Layout:
@@ -51,7 +56,8 @@ class Layout:
         """Resets all pages for a scene at this quality."""
         # Height at the lower edge [pixels] and keys taken by a lesson.
         self.below, self.taken = 0, frozenset[str]()
-        self.status, self.graphs = Status(quality), Graphs()
+        self.graphs, self.quality = Graphs(), quality
+        self.measured, self.errors = -math.inf, ""  # time [s] of the errors, and the errors
         self.message, self.until = "", 0.0
         for page in self.pages.values():
             page.hide()
@@ -110,16 +116,36 @@ class Layout:
         self.overlay.draw(row.image)
 
     def _show_status(self, row: Row, pacer: Pacer, paused: bool, now: float) -> None:
-        waiting, detailed = row.waiting, bool(self.panel)
-        content = now // (WAITING_EVERY if waiting else EVERY), bool(waiting), detailed
+        waiting = row.waiting
+        content = now // (WAITING_EVERY if waiting else EVERY), bool(waiting), bool(self.panel)
 
         def paint():
-            texts = [(waiting, WARNING)]
-            if not waiting:
-                texts = self.status.texts(row, pacer, paused, detailed, now)
-            return pages.lines(texts, self.text)
+            status = [(waiting, WARNING)] if waiting else self._status(row, pacer, paused, now)
+            return pages.lines(status, self.text)
 
         self.pages["status"].show(content, paint, (self.gap, self.gap))
+
+    def _status(self, row: Row, pacer: Pacer, paused: bool, now: float) -> list[tuple[str, tuple]]:
+        """Returns lines with their colours: speed and number of particles; next to an open panel
+        also time, frame rate, quality and errors."""
+        first = pace(pacer, paused)
+        # Simulations side by side have labels with these values.
+        if not row.composed:
+            counts = [n for n in row.lead.state.counts() if n]
+            layers = f"{len(counts)} layer{'s' * (len(counts) > 1)}"
+            first = f"{first}, {sum(counts):,} particles in {layers}"
+            if row.lead.now.spilt > 0.0:
+                first += f", {row.lead.now.spilt:.3g} kg spilt"
+        lines = [(first, INK)]
+        if self.panel and pacer.frames:
+            time = f"time {row.lead.now.time:.1f} s, {1.0 / pacer.wall:.0f} frames/s"
+            lines.append((f"{time}, quality {self.quality}", FAINT))
+            if not row.composed and now - self.measured > ERRORS_EVERY:
+                self.measured, self.errors = now, errors_of(row.lead)
+            if self.errors:
+                lines.append((self.errors, FAINT))
+        stopped = sorted(set().union(*(s.now.stopped for s in row.shows)))
+        return lines + [(f"{name} stopped: no room", WARNING) for name in stopped]
 
     def _show_hints(self, texts: list[str], urgent: bool, left: int, width: float) -> None:
         paint = partial(pages.hints, texts, urgent, self.text, width)
@@ -154,3 +180,24 @@ class Layout:
             return pages.lines(texts, self.text)
 
         self.pages["particle"].show((picked.id, now // EVERY), paint, (left, self.top))
+
+
+def errors_of(show: Show) -> str:
+    """Returns the errors of a simulation in words."""
+    parts = []
+    error = show.bulk_density_error()
+    if math.isfinite(error):
+        parts.append(f"bulk density error {round(100.0 * error, 2) + 0.0:+.2f} %")
+    # Other views extract no surface.
+    if show.display.views.name == "water" and not show.display.surface.mesh.overflowed():
+        parts.append(f"volume error {round(100.0 * show.volume_error(), 1) + 0.0:+.1f} %")
+    return ", ".join(parts)
+
+
+def pace(pacer: Pacer, paused: bool) -> str:
+    """Describes the speed of the simulation."""
+    if paused:
+        return "paused"
+    # A lag is caught up at more than the requested speed.
+    shown = pacer.speed if not pacer.frames else min(pacer.pace, pacer.speed)
+    return "real time" if REAL_TIME <= shown <= 1.0 else f"{shown:.2f} times real time"

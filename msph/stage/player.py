@@ -12,7 +12,6 @@ from msph.measure.resolution import mean_depth
 from msph.picture.camera import Camera
 from msph.stage.autosave import forget, offer
 from msph.stage.choice import Choice, SceneArguments
-from msph.stage.clip import Clip
 from msph.stage.controls import Controls
 from msph.stage.ggui_window import Window
 from msph.stage.idle import Idle
@@ -50,13 +49,13 @@ class Player(Audience):
         self.window, self.row, self.guide = window, row, guide or InputOverlay()
         self.has_toolbar = guide is None
         lead, play = row.lead, row.lead.scene.play
-        self.layout, self.clip = layout, Clip()
+        self.layout = layout
         self.pacer = Pacer(play.fps, play.speed, play.scale)
         layout.begin(choice.quality_now)
         self.menu = Menu(row, choice, layout, self.pacer, arguments)
         self.steering = Steering(window, row)
         row.between = self._answer_input
-        self.saver = Saver(layout, self.clip, Path(choice.scene).stem, choice.quality_now)
+        self.saver = Saver(layout, Path(choice.scene).stem, choice.quality_now)
         plan = lead.state.plan
         depth = mean_depth(lead.scene.gravity, plan, plan.initial["x"].mean(axis=0)[None])
         self.idle = Idle(lead.scene, depth)
@@ -256,7 +255,7 @@ class Player(Audience):
 
     def observe(self, row: Row) -> None:
         if not self._paused:
-            self.clip.observe(row.image, time.perf_counter())
+            self.saver.clip.observe(row.image, time.perf_counter())
         self._read_input()
         self._present(row)
         if not row.lead.new:

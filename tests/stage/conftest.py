@@ -7,9 +7,8 @@ import pytest
 
 from msph.measure.timings import Timings
 from msph.scene.live import live_parameters, read
-from msph.stage.layout import Layout
+from msph.stage.layout import PAGES, Layout
 from msph.stage.pacer import Pacer
-from msph.stage.panel import PAGES
 from msph.stage.show import INTERACTIVE, Show
 from tests.scenes_kit import POOL, WATER, load
 from tests.stage.player_kit import FRAME, SIZE, Asked, played

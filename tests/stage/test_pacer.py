@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from msph.stage.layout import pace
 from msph.stage.pacer import LONGEST_FRAME, MAX_GROWTH, SCALES, Pacer
-from msph.stage.status import pace
 
 FPS = 60.0
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from msph.scene import load_scene
-from msph.stage import clip, idle
+from msph.stage import idle, keepsakes
 from msph.stage.choice import Choice, SceneArguments
 from msph.stage.controls import Controls
 from msph.stage.keys import ACTIONS
@@ -207,16 +207,16 @@ def test_a_clip_has_the_displayed_images_and_the_simulation_goes_on(
     player, show, tmp_path, monkeypatch
 ):
     """Regression: images were rendered again, which stopped the simulation for 12 s."""
-    monkeypatch.setattr(clip, "FPS", 1000.0)
+    monkeypatch.setattr(keepsakes, "FPS", 1000.0)
     frames(player, 4)
     show.display.views.name = "speed"
     frames(player, 4)
-    monkeypatch.setattr(clip, "FPS", 24.0)
+    monkeypatch.setattr(keepsakes, "FPS", 24.0)
     # Sets the times of the images as if they had been displayed over a third of a second.
-    stored = [image for _, image in player.clip.frames]
+    stored = [image for _, image in player.saver.clip.frames]
     assert len(stored) == 8
-    player.clip.frames.clear()
-    player.clip.frames.extend((k / 24.0, image) for k, image in enumerate(stored))
+    player.saver.clip.frames.clear()
+    player.saver.clip.frames.extend((k / 24.0, image) for k, image in enumerate(stored))
     before = show.simulation.time
     press(player, "c")
     assert show.simulation.time > before and "writing" in player.layout.message
@@ -228,18 +228,18 @@ def test_a_clip_has_the_displayed_images_and_the_simulation_goes_on(
 
 
 def test_memory_of_the_clip_is_bounded(player, monkeypatch):
-    monkeypatch.setattr(clip, "FPS", 1e6)
+    monkeypatch.setattr(keepsakes, "FPS", 1e6)
     frames(player)
-    (size,) = (len(image.result()) for _, image in player.clip.frames)
-    monkeypatch.setattr(clip, "MOST_BYTES", 3.5 * size)
+    (size,) = (len(image.result()) for _, image in player.saver.clip.frames)
+    monkeypatch.setattr(keepsakes, "MOST_BYTES", 3.5 * size)
     for _ in range(8):
         frames(player)
-        player.clip.frames[-1][1].result()
-    assert len(player.clip.frames) <= 4
+        player.saver.clip.frames[-1][1].result()
+    assert len(player.saver.clip.frames) <= 4
     # The last image is kept even if it exceeds the limit.
-    monkeypatch.setattr(clip, "MOST_BYTES", 0.5 * size)
+    monkeypatch.setattr(keepsakes, "MOST_BYTES", 0.5 * size)
     frames(player)
-    assert len(player.clip.frames) == 1
+    assert len(player.saver.clip.frames) == 1
 
 
 def test_write_errors_are_shown_as_messages(player, tmp_path):
@@ -287,7 +287,7 @@ def test_random_input_at_a_window_loses_no_water(player, show):
             elif kind == 2:
                 window.at = np.array([dice.uniform(-0.3, 1.3), dice.uniform(-0.3, 1.3)])
             elif kind == 3:
-                live = dice.choice(player.menu.panel.live)
+                live = dice.choice(player.menu.live)
                 value = dice.uniform(live.lo, live.hi)
                 player.menu.set(live.key, value)
             else:

@@ -16,8 +16,7 @@ from msph.stage import menu, pages
 from msph.stage.choice import Choice
 from msph.stage.display import BELOW
 from msph.stage.keys import ACTIONS, KEYS
-from msph.stage.layout import GAP, HINTS, PANELS
-from msph.stage.panel import PAGES
+from msph.stage.layout import GAP, HINTS, PAGES, PANELS, errors_of
 from msph.stage.player import Player
 from msph.stage.row import Row
 from msph.stage.sheet import Slider, text_height
@@ -135,16 +134,16 @@ def test_panels_shift_the_box_to_the_free_area(player, show):
 def test_status_shows_errors_of_bulk_density_and_volume(player, show, monkeypatch):
     frames(player, 3)
     # The water is too thin to measure its bulk density.
-    assert "density" not in player.layout.status._water(show)
+    assert "density" not in errors_of(show)
     monkeypatch.setattr(show, "bulk_density_error", lambda: 0.0123)
-    told = player.layout.status._water(show)
+    told = errors_of(show)
     assert told.startswith("bulk density error +1.23 %")
     volume = show.display.surface.mesh.volume() / show.water_volume() - 1.0
     assert told.endswith(f"volume error {round(100.0 * volume, 1) + 0.0:+.1f} %")
     # Views of particles extract no surface, so the current volume is unknown.
     show.display.views.name = "speed"
     frames(player)
-    assert "volume" not in player.layout.status._water(show)
+    assert "volume" not in errors_of(show)
 
 
 def test_pages_are_painted_only_when_they_change(player, show, monkeypatch):
@@ -203,7 +202,7 @@ def test_the_panel_fits_the_window_and_is_painted_only_when_it_changes(player, s
     column = player.layout.column
     before = player.window.image.to_numpy()[:column]
     with monkeypatch.context() as patched:
-        patched.setattr(player.menu.panel, "paint", lambda *_: pytest.fail("painted again"))
+        patched.setattr(player.menu, "paint", lambda *_: pytest.fail("painted again"))
         frames(player)
     press(player, " ")
     move(player, "gravity", 3.0)
@@ -212,8 +211,8 @@ def test_the_panel_fits_the_window_and_is_painted_only_when_it_changes(player, s
     # All widgets fit in a window of 960 x 540 pixels with text of 18 pixels.
     height = 540 - 2 * 9 - round(2.5 * 1.35 * 18)
     for name in PAGES:
-        player.menu.panel.page = name
-        sheet = player.menu.panel.paint(show, (288, height), 18)
+        player.layout.page = name
+        sheet = player.menu.paint((288, height), 18)
         assert max(w.bottom for w in sheet.widgets) <= height
 
 
@@ -367,7 +366,7 @@ def test_the_panel_and_its_page_stay_open_over_scenes_and_do_not_cover_messages(
     layout, row = player.layout, player.row
     again = Player(player.window, row, player.menu.choice, layout, player.menu.arguments)
     frames(again)
-    assert layout.panel == "settings" and again.menu.panel.page == "views"
+    assert layout.panel == "settings" and layout.page == "views"
     assert "settings" in layout.overlay.shown
     assert show.display.camera.shift == pytest.approx(0.5 * (1.0 - layout.free))
     press(again, "i", "i")

@@ -124,16 +124,14 @@ def test_a_clip_in_progress_is_completed_when_the_display_is_lost(tmp_path):
 
     from msph.picture.pixels import Image
     from msph.stage import lost_display
-    from msph.stage.clip import Clip
     from msph.stage.keepsakes import Saver
     from msph.stage.layout import Layout
 
-    clip, path = Clip(), tmp_path / "clip.mp4"
+    saver, path = Saver(Layout((640, 360)), "pool", "small"), tmp_path / "clip.mp4"
     image = Image(ti.Vector.field(3, ti.f32, (128, 80)), 128, 80)
     for k in range(4):
-        clip.observe(image, 0.1 * k)
-    saver = Saver(Layout((640, 360)), clip, "pool", "small")
-    saver.clips.append(clip.write(path))
+        saver.clip.observe(image, 0.1 * k)
+    saver.clips.append(saver.clip.write(path))
     with lost_display.completing(saver.close):
         for complete in lost_display._completions:
             complete()
