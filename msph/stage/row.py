@@ -21,9 +21,8 @@ from msph.stage.sheet import FAINT, INK, text_height
 
 # Gap between two images [pixels], and its colour.
 GAP, GROUND = 2, (0.04, 0.08, 0.12)
-# Largest height of a label, and the distance of labels over images from the top, below the status
-# line [text heights]; frames between two updates of a label.
-LABEL_HEIGHT, TOP, EVERY = 4.6, 2.6, 40
+# Largest height of a label [text heights], and frames between two updates of a label.
+LABEL_HEIGHT, EVERY = 4.6, 40
 # Time [s] for which a window waits for its simulations before it shows the last image again.
 PATIENCE = 0.05
 # Time [s] from which a wait for the simulations is shown.
@@ -35,22 +34,21 @@ def width_of_each(number: int, width: int) -> int:
     return (width - GAP * (number - 1)) // number
 
 
-def strip_height(height: int) -> int:
-    """Returns the height of labels below the images of a row of `height`, both in pixels."""
-    return round(LABEL_HEIGHT * text_height(height))
+def strip_height(labels: list[str], height: int) -> int:
+    """Returns the height of the labels below the images of a row of `height`, both in pixels."""
+    return round(LABEL_HEIGHT * text_height(height)) if any(labels) else 0
 
 
 @data_oriented
 class Row:
     """Simulations side by side in one image; the user controls the first, `lead`.
 
-    shows: with images of width_of_each() pixels, or without images. labels: names, displayed with
-    speed and error; "" for no label. size (width, height) [pixels] of the common image, with
-    `below` free pixels at the lower edge and above them `strip` pixels for the labels, 0 for labels
-    over the images; None for a single show's image, or no image. remote: the other process in which
-    the simulations run, None for this one. between: called between the images of such simulations,
-    since three take 0.1 s. restart: message where an unstable
-    simulation begins again, and with it all others; "" where it raises BlowUpError.
+    shows: with images of width_of_each() pixels, or without images. labels: names, displayed below
+    the images with speed and error; "" for no label. size (width, height) [pixels] of the common
+    image, with `below` free pixels at the lower edge; None for a single show's image, or no image.
+    remote: the other process in which the simulations run, None for this one. between: called
+    between the images of such simulations, since three take 0.1 s. restart: message where an
+    unstable simulation begins again, and with it all others; "" where it raises BlowUpError.
     """
 
     remote: Any = None
@@ -62,12 +60,11 @@ class Row:
         labels: list[str] | None = None,
         size: tuple[int, int] | None = None,
         below: int = 0,
-        strip: int = 0,
         restart: str = "",
     ):
         self.shows, self.labels, self.below = shows, labels or [""] * len(shows), below
         self.restart = restart
-        self.low = below + strip  # lower edge of the images [pixels]
+        self.low = 0  # lower edge of the images [pixels]
         self.updates = 0
         # Initial camera distance of each show [m], at which the whole box is visible.
         self.homes = [show.display.camera.distance if show.size else 1.0 for show in shows]
@@ -88,21 +85,20 @@ class Row:
     ) -> "Row":
         """Builds a show for each label, by its number and the size of its image, with the labels
         below the images. A single show without free pixels below needs no common image."""
-        each, strip = size, 0
-        single = size is None or (len(labels) == 1 and not below)
-        if size and not single:
-            strip = strip_height(size[1]) if any(labels) else 0
-            each = width_of_each(len(labels), size[0]), size[1] - below - strip
+        each = size
+        common = size if below or len(labels) > 1 else None
+        if common:
+            width, height = common
+            each = width_of_each(len(labels), width), height - below - strip_height(labels, height)
         shows = [build(k, each) for k in range(len(labels))]
-        return cls(shows, labels, None if single else size, below, strip, restart)
+        return cls(shows, labels, common, below, restart)
 
     def _compose(self, size: tuple[int, int]) -> None:
         """Allocates the common image and its labels."""
         self.size, self.common = size, Image(ti.Vector.field(3, ti.f32, size), *size)
-        self.text = text_height(size[1])
-        room = self.lead.display.picture.width, strip_height(size[1])
-        over = self.low == self.below
-        self.label_top = round(TOP * self.text) if over else size[1] - self.low
+        self.text, strip = text_height(size[1]), strip_height(self.labels, size[1])
+        self.low = self.below + strip
+        room = self.lead.display.picture.width, strip
         self.names = [f"simulation {k}" for k in range(len(self.shows))]
         self.overlay = Overlay(*size, dict.fromkeys(self.names, room))
 
@@ -207,8 +203,8 @@ class Row:
             return
         self.common.field.fill(GROUND)
         for k, show in enumerate(self.shows):
-            picture, left = show.display.picture, k * (show.display.picture.width + GAP)
-            self._put(left, self.low, *picture.size, picture.image.field)
+            picture = show.display.picture
+            self._put(self._left(k), self.low, *picture.size, picture.image.field)
         if any(self.labels):
             if self.updates % EVERY == 0:
                 for k, show in enumerate(self.shows):
@@ -220,8 +216,7 @@ class Row:
         """Paints the label of a show: name, speed and error."""
         texts = [(self.labels[k], INK), *((t, FAINT) for t in speed_and_error(show))]
         page = lines(texts, self.text).pixels
-        left = k * (show.display.picture.width + GAP)
-        self.overlay.put(self.names[k], page, left, self.label_top)
+        self.overlay.put(self.names[k], page, self._left(k), self.size[1] - self.low)
 
     @kernel
     def _put(self, left: ti.i32, low: ti.i32, width: ti.i32, height: ti.i32, field: ti.template()):
@@ -231,25 +226,22 @@ class Row:
     def show_under(self, cursor: np.ndarray) -> tuple[Any, np.ndarray]:
         """Returns the show at a cursor (right, up in shares of the window), and the cursor in
         shares of the show's image."""
-        pitch = self.lead.display.picture.width + GAP
-        place = cursor * self.size
-        k = int(np.clip(place[0] // pitch, 0, len(self.shows) - 1))
+        k = int(np.clip(cursor[0] * self.size[0] // self._left(1), 0, len(self.shows) - 1))
         return self.shows[k], self.to_picture(self.shows[k], cursor)
+
+    def _left(self, k: int) -> int:
+        """Returns the left edge of image k [pixels]."""
+        return k * (self.lead.display.picture.width + GAP)
 
     def to_picture(self, show: Any, cursor: np.ndarray) -> np.ndarray:
         """Converts a cursor from shares of the window to shares of a show's image."""
-        left = self.shows.index(show) * (show.display.picture.width + GAP)
-        pixels = cursor * self.size - (left, self.low)
-        return pixels / (show.display.picture.width, show.display.picture.height)
+        corner = self._left(self.shows.index(show)), self.low
+        return (cursor * self.size - corner) / show.display.picture.size
 
     def to_window(self, show: Any, shares: np.ndarray) -> np.ndarray:
         """Converts positions (n, 2) from shares of a show's image to shares of the window."""
-        left = self.shows.index(show) * (show.display.picture.width + GAP)
-        pixels = shares * (show.display.picture.width, show.display.picture.height) + (
-            left,
-            self.low,
-        )
-        return pixels / self.size
+        corner = self._left(self.shows.index(show)), self.low
+        return (shares * show.display.picture.size + corner) / self.size
 
     # Applied to all shows.
 
@@ -272,15 +264,6 @@ class Row:
             self.draw_together()
         else:
             self.draw()
-
-    @property
-    def scale(self) -> float:
-        return self.lead.display.picture.scale
-
-    @scale.setter
-    def scale(self, scale: float) -> None:
-        for show in self.shows:
-            show.display.picture.scale = scale
 
     def to_numpy_u8(self) -> np.ndarray:
         """Returns the image without free pixels, (height, width, 3) uint8, first row at the top."""

@@ -160,10 +160,8 @@ class Steering:
     def pick(self) -> None:
         """Picks the particle at the cursor, in any of the simulations."""
         target, place = self.row.show_under(self.cursor)
-        i, j = (
-            int(v) for v in place * (target.display.picture.width, target.display.picture.height)
-        )
-        found = target.display.particle_at(i, j)
+        i, j = place * target.display.picture.size
+        found = target.display.particle_at(int(i), int(j))
         for show in self.row.shows:
             index = found[0] if found and show is target else None
             show.display.views.neighbourhood.pick(index)

@@ -11,7 +11,7 @@ from msph.measure.timings import Timings
 from msph.scene.live import with_live_value
 from msph.stage.controls import Controls
 from msph.stage.layout import Layout
-from msph.stage.row import Row
+from msph.stage.row import Row, strip_height
 from msph.stage.show import INTERACTIVE, Show
 from tests.stage.player_kit import (
     FRAME,
@@ -27,6 +27,8 @@ from tests.stage.player_kit import (
 )
 
 BELOW = 40
+STRIP = strip_height(["one", "two"], HEIGHT)
+LOW = BELOW + STRIP
 
 
 @pytest.fixture(scope="module")
@@ -42,12 +44,12 @@ def other(show):
 def row(given, other):
     other.reset()
     other.display.views.name = "water"
-    return Row([given, other], ["one", "two"], (2 * WIDTH + 2, HEIGHT + BELOW), BELOW)
+    return Row([given, other], ["one", "two"], (2 * WIDTH + 2, HEIGHT + LOW), BELOW)
 
 
 @pytest.fixture(scope="module")
 def wide():
-    return Layout((2 * WIDTH + 2, HEIGHT + BELOW))
+    return Layout((2 * WIDTH + 2, HEIGHT + LOW))
 
 
 @pytest.fixture
@@ -68,15 +70,11 @@ def test_both_get_the_same_frames_and_are_rendered_side_by_side(row):
     assert np.array_equal(first.pose.tilt, second.pose.tilt) and first.pose.tilt[0, 1] != 0.0
     pixels = row.image.to_numpy()
     beside = slice(WIDTH + 2, 2 * WIDTH + 2)
-    # Below the labels the row contains the rendered images unchanged.
-    low = slice(BELOW, BELOW + HEIGHT // 2)
-    assert np.array_equal(
-        pixels[:WIDTH, low], first.display.picture.image.to_numpy()[:, : HEIGHT // 2]
-    )
-    assert np.array_equal(
-        pixels[beside, low], second.display.picture.image.to_numpy()[:, : HEIGHT // 2]
-    )
-    assert row.to_numpy_u8().shape == (HEIGHT, 2 * WIDTH + 2, 3)
+    # Above the labels the row contains the rendered images unchanged.
+    low = slice(LOW, LOW + HEIGHT)
+    assert np.array_equal(pixels[:WIDTH, low], first.display.picture.image.to_numpy())
+    assert np.array_equal(pixels[beside, low], second.display.picture.image.to_numpy())
+    assert row.to_numpy_u8().shape == (HEIGHT + STRIP, 2 * WIDTH + 2, 3)
     row.frame(Controls(still=True))
     assert first.simulation.time == second.simulation.time == pytest.approx(3 * FRAME)
 
@@ -92,7 +90,7 @@ def test_a_slow_lead_limits_the_time_of_the_other(row):
 def test_the_cursor_selects_the_simulation_under_it(row):
     first, second = row.shows
     for show, left in ((first, 0), (second, WIDTH + 2)):
-        cursor = np.array([left + 0.25 * WIDTH, BELOW + 0.5 * HEIGHT]) / row.size
+        cursor = np.array([left + 0.25 * WIDTH, LOW + 0.5 * HEIGHT]) / row.size
         under, place = row.show_under(cursor)
         assert under is show and place == pytest.approx([0.25, 0.5])
         assert row.to_window(show, np.array([[0.25, 0.5]]))[0] == pytest.approx(cursor)
@@ -112,7 +110,7 @@ def test_a_push_in_the_second_image_pushes_both_simulations(row, player, tmp_pat
     frames(player, 2)
     wet = wet_pixels(row.shows[1])
     i, j = wet[len(wet) // 2][0]
-    screen.at = np.array([WIDTH + 2 + i, BELOW + j]) / row.size
+    screen.at = np.array([WIDTH + 2 + i, LOW + j]) / row.size
     with screen.holding("LMB"):
         frames(player, 2)
         drag(player, 0.005, 0.0, 6)
@@ -120,7 +118,7 @@ def test_a_push_in_the_second_image_pushes_both_simulations(row, player, tmp_pat
     # Saved images contain both simulations.
     press(player, "p")
     (path,) = tmp_path.glob("*.png")
-    assert imageio.imread(path).shape == (HEIGHT, 2 * WIDTH + 2, 3)
+    assert imageio.imread(path).shape == (HEIGHT + STRIP, 2 * WIDTH + 2, 3)
 
 
 def test_a_push_stays_in_the_simulation_that_it_began_in(row, player):
@@ -129,12 +127,12 @@ def test_a_push_stays_in_the_simulation_that_it_began_in(row, player):
     frames(player, 2)
     first = row.shows[0]
     i, j = max(pixel for pixel, _ in wet_pixels(first))
-    screen.at = np.array([i, BELOW + j]) / row.size
+    screen.at = np.array([i, LOW + j]) / row.size
     screen.held = {"LMB"}
     frames(player, 2)
     speeds = []
     for right in range(i, WIDTH + 60, 6):
-        screen.at = np.array([right, BELOW + j]) / row.size
+        screen.at = np.array([right, LOW + j]) / row.size
         use = player.controls(row).use
         speeds.append(math.hypot(*use.velocity) * player.pacer.frame_time)
     assert max(speeds) < 0.1 * max(first.simulation.size)
@@ -180,7 +178,7 @@ def test_pages_are_removed_from_the_last_image_without_drawing_the_simulations(r
     row.restore()
     assert [show.frames for show in row.shows] == drawn
     # Labels hold times, which change.
-    low = slice(BELOW, BELOW + HEIGHT // 2)
+    low = slice(LOW, LOW + HEIGHT)
     assert np.array_equal(row.image.to_numpy()[:, low], without[:, low])
 
 
