@@ -15,7 +15,7 @@ from msph.fluid.boundary.rigid_bodies import (
     volume,
 )
 from msph.fluid.external_forces import Hand, as_vector
-from msph.stage.touch import Touch
+from msph.stage.touch import Touch, limited
 
 # Radius of a thrown ball, and half the edge of a thrown cube, over the box's breadth; least
 # value of both in finest spacings; density over the water's.
@@ -75,10 +75,7 @@ def _drag(touch: Touch, k: int, offset: np.ndarray) -> None:
     floating = touch.simulation.boundary.floating
     if floating.held[k]:
         return
-    longest = float(touch.size.max())
-    wanted = (touch.place + offset - floating.x[k]) / DRAG_TIME
-    most = DRAG_SPEED * math.sqrt(touch.gravity * longest)
-    wanted *= min(1.0, most / max(float(np.linalg.norm(wanted)), 1e-9))
+    wanted = limited((touch.place + offset - floating.x[k]) / DRAG_TIME, DRAG_SPEED * touch.fall)
     change = np.zeros((floating.count, 3))
     change[k] = floating.mass[k] * (wanted - floating.v[k])
     impulses, middle = touch.simulation.world.parts.impulses, 0.5 * (wanted + floating.v[k])

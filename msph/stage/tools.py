@@ -12,7 +12,7 @@ from msph.fluid.simulation import FullError, Simulation
 from msph.scene.observation import Play
 from msph.stage import floats, pistons, taps
 from msph.stage.controls import ToolUse
-from msph.stage.touch import LEAST_RADIUS, Touch, least_gravity
+from msph.stage.touch import LEAST_RADIUS, Touch, least_gravity, limited
 
 # Least duration of a press [s], also of a shorter click. During this time a push goes down at
 # POKE_SPEED sqrt(g R) within POKE_RADIUS R, R the push radius: a click makes a ring wave.
@@ -74,9 +74,7 @@ def swirl(touch: Touch) -> Hand:
 def hover(touch: Touch) -> Hand:
     """Leaves a wake under a cursor without a button."""
     play = touch.play
-    velocity = touch.velocity * min(
-        1.0, WAKE_SPEED / max(float(np.linalg.norm(touch.velocity)), 1e-9)
-    )
+    velocity = limited(touch.velocity, WAKE_SPEED)
     radius = max(WAKE_RADIUS * play.push_radius * touch.breadth, LEAST_RADIUS * touch.spacing)
     grip = WAKE_GRIP * play.push_grip
     return Hand(as_vector(touch.place), as_vector(velocity), (radius,) * 3, grip)

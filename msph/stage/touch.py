@@ -28,8 +28,8 @@ class Touch:
     attributes of ToolUse, with arrays (3,); began: True in the frame of the press; size: edges of
     the box [m]; spacing [m] of the finest particles; breadth [m]: scale of what tools move or add;
     radius [m] of a push; up: vertical unit vector in the box frame; gravity: its absolute value
-    [m/s^2], positive in weightless scenes, too; wall: place [m] that the tool asks of the piston,
-    None without a drag.
+    [m/s^2], positive in weightless scenes, too; fall [m/s]: sqrt(g L), L the longest edge of the
+    box; wall: place [m] that the tool asks of the piston, None without a drag.
     """
 
     def __init__(self, simulation: Simulation, rng: np.random.Generator):
@@ -51,21 +51,20 @@ class Touch:
         self.breadth = math.sqrt(self.size[0] * self.size[2])
         self.radius = max(play.push_radius * self.breadth, LEAST_RADIUS * self.spacing)
         self.up, self.gravity = box.up, least_gravity(box)
+        self.fall = math.sqrt(self.gravity * float(self.size.max()))
 
     def aim(self, room: float, back: float, speed: float) -> tuple[np.ndarray, np.ndarray]:
         """Returns start (3,) [m] and velocity (3,) [m/s] of a throw towards the water. back [m]:
         distance of the start from the water, towards the camera; room [m]: least distance from the
-        walls; speed: over sqrt(g L), L the longest edge of the box."""
+        walls; speed: over `fall`."""
         start = self.surface + back * (self.up - self.direction)
         start = np.clip(start, room, np.maximum(self.size - room, room))
         way = self.surface - start
-        fast = speed * math.sqrt(self.gravity * float(self.size.max()))
-        return start, fast * way / max(float(np.linalg.norm(way)), 1e-9)
+        return start, speed * self.fall * way / max(float(np.linalg.norm(way)), 1e-9)
 
     def hand(self, place: np.ndarray, radii: Vec3, velocity: np.ndarray, **more) -> Hand:
         """Returns a hand with the scene's grip, and at most HAND_SPEED."""
-        most = HAND_SPEED * math.sqrt(self.gravity * float(self.size.max()))
-        velocity = velocity * min(1.0, most / max(float(np.linalg.norm(velocity)), 1e-9))
+        velocity = limited(velocity, HAND_SPEED * self.fall)
         return Hand(as_vector(place), as_vector(velocity), radii, self.play.push_grip, **more)
 
     def add_water(self, x: np.ndarray, v: np.ndarray) -> None:
@@ -77,6 +76,11 @@ class Touch:
     def add_body(self, body: Body) -> None:
         """Adds a floating body until the next reset. Raises FullError."""
         self.simulation.add_body(body, self.box.gravity)
+
+
+def limited(velocity: np.ndarray, most: float) -> np.ndarray:
+    """Returns a velocity (3,) of at most `most`, both in [m/s]."""
+    return velocity * min(1.0, most / max(float(np.linalg.norm(velocity)), 1e-9))
 
 
 def least_gravity(box: MovingBox) -> float:
