@@ -76,20 +76,22 @@ class Recorder(Audience):
         self.animations = [p for p in outputs.pictures if kind(p) in ANIMATION]
         self.animation_frames: list[np.ndarray] = []
         self.stills = [p for p in outputs.pictures if kind(p) == ".png" and not numbered(p)]
-        self.pictures = [p for p in outputs.pictures if numbered(p)]
+        # Functions that write a frame, by outputs.
         self.written: tuple[tuple[list[Path], Callable[[Path, Show], None]], ...] = (
+            (self.videos, self._add_image),
+            ([p for p in outputs.pictures if numbered(p)], self._write_image),
             (outputs.meshes, partial(write_mesh, layer=outputs.mesh_layer)),
             (outputs.particles, write_particles),
             (outputs.droplets, write_droplets),
             ([p for p in outputs.bodies if kind(p) == PARAVIEW], self._write_bodies),
+            ([*outputs.usd, *(p for p in outputs.bodies if kind(p) == BODIES)], self._add),
         )
         # Time [s] and file of each frame, by .vtu output.
         self.lists: dict[Path, list[tuple[float, Path]]] = {
             p: [] for p in outputs.all() if kind(p) == PARAVIEW
         }
         self.motions: Any = None  # BodyTable of the bodies
-        self.films: dict[Path, Any] = {}  # files of all frames of bodies, and of USD
-        self.writers: list = []
+        self.films: dict[Path, Any] = {}  # files of all frames: videos, bodies, USD
         self.progress = Progress(frames, bar)
 
     def wants_more(self, row: Row) -> bool:
@@ -111,9 +113,6 @@ class Recorder(Audience):
         for path in self.outputs.usd:
             self.films[path] = usd.Film(path, self.fps, self.aspect, show, self.outputs.mesh_layer)
 
-    def _write_bodies(self, path: Path, show: Show) -> None:
-        vtu.write_bodies(path, show.simulation, self.numbers)
-
     def observe(self, row: Row) -> None:
         if not row.lead.new:
             return
@@ -129,39 +128,41 @@ class Recorder(Audience):
 
     def _write(self, row: Row) -> None:
         """Writes a frame to all outputs."""
-        if row.lead.size:
-            alpha = row.lead.scene.picture.alpha
-            self.last = row.lead.display.matted_image() if alpha else row.to_numpy_u8()
-            for path, writer in zip(self.videos, self.writers or self._open(alpha), strict=True):
-                with self._writing(path):
-                    writer.append_data(even(self.last))
+        show = row.lead
+        if show.size:
+            alpha = show.scene.picture.alpha
+            self.last = show.display.matted_image() if alpha else row.to_numpy_u8()
             if self.animations:
                 self.animation_frames.append(self.last)
-            if self.done + 1 == self.still:
-                self._write_stills()
-        for path in self.pictures:
-            with self._writing(path):
-                imageio.imwrite(self._numbered(path), self.last)
-        if self.outputs.data:
-            self._write_data(row.lead)
-        self.done += 1
-        self.progress.update()
-
-    def _write_data(self, show: Show) -> None:
-        """Writes what the simulation itself holds."""
-        sim = show.simulation
-        self.numbers = self.motions.numbers(sim.reached)
+        if self.motions:
+            self.numbers = self.motions.numbers(show.simulation.reached)
         for paths, write in self.written:
             for path in paths:
                 with self._writing(path):
                     write(self._numbered(path), show)
-        for path, film in self.films.items():
-            with self._writing(path):
-                film.add(self.first + self.done)
+        if self.done + 1 == self.still:
+            self._write_stills()
         for path, files in self.lists.items():
             # The mesh is that of the end of the frame.
+            sim = show.simulation
             time = sim.time if path in self.outputs.meshes else sim.reached
             files.append((time, self._numbered(path)))
+        self.done += 1
+        self.progress.update()
+
+    def _add_image(self, path: Path, show: Show) -> None:
+        if path not in self.films:
+            self.films[path] = video_writer(path, self.fps, show.scene.picture.alpha)
+        self.films[path].append_data(even(self.last))
+
+    def _write_image(self, path: Path, show: Show) -> None:
+        imageio.imwrite(path, self.last)
+
+    def _write_bodies(self, path: Path, show: Show) -> None:
+        vtu.write_bodies(path, show.simulation, self.numbers)
+
+    def _add(self, path: Path, show: Show) -> None:
+        self.films[path].add(self.first + self.done)
 
     def close(self) -> None:
         """Completes all files, also after an interrupt, and also if one of them fails."""
@@ -173,19 +174,14 @@ class Recorder(Audience):
                 ends.callback(self._write_stills)
             for path in self.animations if self.animation_frames else ():
                 ends.callback(self._write_animation, path)
-            for path, writer in zip(self.videos, self.writers, strict=False):
-                ends.callback(self._close_video, path, writer)
-            for path in self.outputs.usd if self.films else ():
-                ends.callback(self._close_film, path)
+            for path in [*self.videos, *self.outputs.usd]:
+                if path in self.films:
+                    ends.callback(self._close_film, path)
 
     def _close_film(self, path: Path) -> None:
         with self._writing(path):
             self.films[path].close()
-
-    def _close_video(self, path: Path, writer: Any) -> None:
-        with self._writing(path):
-            writer.close()
-            if path not in self.lost:
+            if path in self.videos and path not in self.lost:
                 check_video(path, self.done)
 
     def kept(self) -> list[Path]:
@@ -211,10 +207,6 @@ class Recorder(Audience):
         for path in self.stills:
             with self._writing(path):
                 imageio.imwrite(path, self.last)
-
-    def _open(self, alpha: bool) -> list:
-        self.writers += [video_writer(path, self.fps, alpha) for path in self.videos]
-        return self.writers
 
     def _write_animation(self, path: Path) -> None:
         """Writes the frames as a looping GIF or WebP; durations are multiples of 0.01 s or 1 ms,
