@@ -44,15 +44,6 @@ class ViewFields:
         for i in range(n):
             self.value[i] = scale * self.particles.viewed[i] + shift
 
-    @kernel
-    def find_range(self, n: ti.i32) -> ti.math.vec2:
-        """Returns the least and largest value."""
-        least, most = math.inf, -math.inf
-        for i in range(n):
-            ti.atomic_min(least, self.value[i])
-            ti.atomic_max(most, self.value[i])
-        return ti.math.vec2(least, most)
-
 
 class Views:
     """Views of one state by name, and the scalar field that colours the particles."""
@@ -104,8 +95,9 @@ class Views:
         self.shown.scale(n, 1.0, 0.0)
         if self.name == "layers":
             return self.value, 0.0, max(1.0, self.state.layers.count - 1.0)
-        least, most = self.shown.find_range(n)
-        return self.value, *self.ranges[self.name].cover(float(least), float(most))
+        viewed = self.state.particles.numpy("viewed")
+        ends = viewed.min(initial=math.inf), viewed.max(initial=-math.inf)
+        return self.value, *self.ranges[self.name].cover(*map(float, ends))
 
     def radii(self) -> np.ndarray:
         """Returns the radius of every particle [m], (count,); 0 for hidden ones."""
