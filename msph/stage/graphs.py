@@ -20,12 +20,12 @@ TITLE, GAP, STROKE = 1.3, 0.35, 2
 @dataclass(frozen=True)
 class Graph:
     """A graph. title: quantity and unit; sample: values of the curves, from the show and the
-    real-time factor; form: of a value; names: of the curves."""
+    real-time factor; form: of a value; names: of the curves, empty for none."""
 
     title: str
     sample: Callable[[Show, float], list[float]]
     form: str = "{:.0f}"
-    names: Callable[[Show], list[str]] = lambda show: [""]
+    names: tuple[str, ...] = ()
 
 
 def _stages(show: Show, _: float) -> list[float]:
@@ -38,11 +38,11 @@ def _counts(show: Show, _: float) -> list[float]:
 
 
 GRAPHS = (
-    Graph("frame [ms]", _stages, names=lambda show: ["fluid", "surface", "image"]),
+    Graph("frame [ms]", _stages, names=("fluid", "surface", "image")),
     Graph("real-time factor [-]", lambda show, pace: [pace], "{:.2f}"),
     Graph("solver residual [%]", lambda show, _: [100.0 * show.now.solver_residual], "{:.3f}"),
     Graph("energy [J]", lambda show, _: [show.now.energy], "{:.1f}"),
-    Graph("particles", _counts, names=lambda show: [*map(str, range(show.state.layers.count))]),
+    Graph("particles", _counts),
 )
 
 
@@ -63,7 +63,7 @@ class Graphs:
             self.times.popleft()
             self.samples.popleft()
 
-    def paint(self, show: Show, size: tuple[int, int], text: int) -> Sheet:
+    def paint(self, size: tuple[int, int], text: int) -> Sheet:
         """Returns a page of size (width, height) [pixels] with all graphs; text: text height
         [pixels]."""
         sheet, (width, height) = Sheet(size, text, DENSE), size
@@ -75,7 +75,7 @@ class Graphs:
             curves = np.array([sample[k] for sample in self.samples]).T
             draw.text((pad, top), graph.title, INK, font, anchor="ls")
             room = width - 3 * pad - font.getlength(graph.title)
-            self._legend(draw, graph, show, curves[:, -1], (width - pad, top), room, text)
+            self._legend(draw, graph, curves[:, -1], (width - pad, top), room, text)
             known = curves[np.isfinite(curves)]
             lo, hi = (known.min(), known.max()) if known.size else (0.0, 1.0)
             # The energy's axis need not contain 0: only changes of the energy matter.
@@ -91,16 +91,12 @@ class Graphs:
         return sheet
 
     @staticmethod
-    def _legend(draw, graph: Graph, show: Show, last, corner, room: float, size: int) -> None:
+    def _legend(draw, graph: Graph, last, corner, room: float, size: int) -> None:
         """Draws names and last values in the colours of their curves. They end at `corner`, (right,
         base) [pixels], and have the text height `size` [pixels], or less if `room` is narrower."""
-        names, texts = graph.names(show), list[str]()
-        for name, value in zip(names, last, strict=True):
-            number = graph.form.format(value) if np.isfinite(value) else "-"
-            # Names of many curves do not fit.
-            texts.append(
-                f"{name} {number}".strip() if len(names) < 4 and name.isalpha() else number
-            )
+        texts = [graph.form.format(value) if np.isfinite(value) else "-" for value in last]
+        if graph.names:
+            texts = [f"{name} {text}" for name, text in zip(graph.names, texts, strict=True)]
         needed = font_of(size).getlength("  ".join(texts))
         font = font_of(int(size * min(1.0, room / needed)))
         right, base = corner

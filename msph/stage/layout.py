@@ -111,7 +111,7 @@ class Layout:
         self._show_particle(row, left, now)
         self.graphs.observe(row.lead, now, pacer.pace)
         if self.panel == "graphs":
-            paint = partial(self.graphs.paint, row.lead, self.column_size, self.text)
+            paint = partial(self.graphs.paint, self.column_size, self.text)
             self.pages["graphs"].show(self.graphs.times[-1], paint, (0, self.top))
         self.overlay.draw(row.image)
 

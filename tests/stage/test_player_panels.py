@@ -165,7 +165,7 @@ def test_graphs_show_the_measured_values(player, show):
     before = frames(player)
     for k in range(12):
         player.layout.graphs.observe(show, player.layout.graphs.times[-1] + 0.25 * k + 0.2, 1.0)
-    page = player.layout.graphs.paint(show, (200, 200), 12).pixels
+    page = player.layout.graphs.paint((200, 200), 12).pixels
     assert page.shape == (200, 200, 4) and (page[..., :3].max(-1) > 150).mean() > 0.02
     assert player.layout.overlay.shown["graphs"][0] == 0 and before.std() > 0.05
     assert len(player.layout.graphs.samples[-1][-1]) == len(show.scene.layers)
