@@ -80,7 +80,7 @@ def test_kernels_compiled_in_later_frames_change_nothing(tmp_path):
         show.display.views.neighbourhood.pick(0)
         show.frame(Controls())
     # A process without a window compiles what it copies for a view when it is asked.
-    assert set(kernels) <= {"State.view_length"}
+    assert set(kernels) <= {"State.view"}
     show.close()
     for one, other in zip(*seen, strict=True):
         np.testing.assert_array_equal(one, other)
