@@ -4,6 +4,7 @@ import itertools
 import math
 import time
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +18,6 @@ from msph.stage.headless import Headless, HeadlessPlayer
 from msph.stage.loop import run
 from msph.stage.row import Row
 from msph.stage.show import INTERACTIVE, Show
-from msph.stage.shown_scene import ShownScene
 from msph.stage.views import display_unit
 from tests.fluid.fluid_kit import in_order
 from tests.scenes_kit import LAYERED, POOL, load, write
@@ -69,8 +69,9 @@ def test_kernels_compiled_in_later_frames_change_nothing(tmp_path):
     for first_image in (True, False):
         show.warm_up(first_image)
         assert bool(show.later) == first_image
+        row = Row([show])
         for _ in range(50):
-            show.frame(Controls())
+            row.frame(Controls())
         assert not show.later
         seen.append((show.simulation.particles.numpy("x"), show.display.picture.to_numpy_u8()))
     kernels: list[str] = []
@@ -86,22 +87,14 @@ def test_kernels_compiled_in_later_frames_change_nothing(tmp_path):
         np.testing.assert_array_equal(one, other)
 
 
-def test_a_frame_of_a_row_compiles_one_kernel_for_all_shows():
+def test_a_row_compiles_one_kernel_at_a_time_for_all_shows():
     """Regression: each of three simulations compiled a kernel in the same frame."""
     compiled: list[str] = []
-
-    class Waiting:
-        size, simulated, compile_later = None, 0.0, ShownScene.compile_later
-
-        def __init__(self, name):
-            self.later = [partial(compiled.append, name)]
-
-        def frame(self, controls):
-            self.compile_later()
-
-    row = Row([Waiting("first"), Waiting("second"), Waiting("third")])
+    names = "first", "second", "third"
+    shows = [SimpleNamespace(size=None, later=[partial(compiled.append, name)]) for name in names]
+    row = Row(shows)
     for number in (1, 2, 3, 3):
-        row.frame(Controls())
+        row.compile_later()
         assert len(compiled) == number
     assert compiled == ["first", "second", "third"]
 
