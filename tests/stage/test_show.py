@@ -99,6 +99,17 @@ def test_a_row_compiles_one_kernel_at_a_time_for_all_shows():
     assert compiled == ["first", "second", "third"]
 
 
+def test_input_is_answered_after_a_compiled_part_and_before_the_image():
+    """Regression: input that arrived while a kernel was compiled waited for the image, too."""
+    done: list[str] = []
+    later, frame = [partial(done.append, "part")], lambda controls: done.append("image")
+    row = Row([SimpleNamespace(size=None, frames=1, simulated=0.0, later=later, frame=frame)])
+    row.between = partial(done.append, "answer")
+    row.frame(Controls())
+    row.frame(Controls())
+    assert done == ["part", "answer", "image", "image"]
+
+
 def test_headless_runs_the_requested_number_of_frames(show):
     before = show.simulation.time
     run(Row([show]), Headless(3))
