@@ -66,7 +66,8 @@ class Row:
         self.shows, self.labels, self.below = shows, labels or [""] * len(shows), below
         self.restart = restart
         self.low = 0  # lower edge of the images [pixels]
-        self.spoilt: list[Any] = []  # shows over whose images compile_later() has drawn
+        # Shows over whose images compile_later() may have drawn in this frame.
+        self.drawn_over: list[Any] = []
         self.updates = 0
         # Initial camera distance of each show [m], at which the whole box is visible.
         self.homes = [show.display.camera.distance if show.size else 1.0 for show in shows]
@@ -167,11 +168,11 @@ class Row:
         lead = self.lead
         if self.remote:
             self.remote.give(controls)
+        # The first frame of simulations in this process does not wait for later kernels.
         if self.remote or lead.frames:
             self.compile_later()
-        if self.spoilt and self.between:
+        if self.drawn_over and self.between:
             self.between()
-        self.spoilt = []
         lead.frame(controls)
         # If the lead's frame was undone for a stopped body, all shows wait.
         waits = lead.simulated == 0.0
@@ -182,14 +183,15 @@ class Row:
             if lead.size:
                 self._match_view(show, home)
             show.frame(replace(same, budget=None))
+        self.drawn_over = []
         if not controls.hidden:
             self.draw_together()
 
     def compile_later(self) -> None:
-        """Compiles a part of a kernel that the first frames of a show do not need, which may draw
-        over its image."""
-        self.spoilt = [show for show in self.shows if show.later][:1]
-        for show in self.spoilt:
+        """Compiles one part of a kernel that the first images do not need, of one show, since each
+        part may take 0.1 s. It may draw over the image of this show."""
+        self.drawn_over = [show for show in self.shows if show.later][:1]
+        for show in self.drawn_over:
             if run_in_steps(show.later[0]):
                 show.later.pop(0)
 
@@ -272,7 +274,7 @@ class Row:
 
     def restore(self) -> None:
         """Removes pages from the last image, and what compile_later() drew."""
-        for show in self.spoilt if self.common else self.shows:
+        for show in self.drawn_over if self.common else self.shows:
             show.draw()
         self.draw_together()
 
