@@ -259,6 +259,7 @@ class RemoteShow(ShownScene):
     def frame(self, controls: Controls) -> None:
         """Draws the last state, while the simulation computes the next one."""
         self.new, self.fresh = self.fresh, False
+        self.compile_later()
         if self.new or self.interactive:
             self.display.frame(controls, self.new)
         self.timings.close_frame()

@@ -11,7 +11,7 @@ import numpy as np
 import taichi as ti
 
 from msph.errors import BlowUpError
-from msph.launches import data_oriented, kernel, run_in_steps
+from msph.launches import data_oriented, kernel
 from msph.picture.camera import Camera
 from msph.picture.overlay import Overlay
 from msph.picture.pixels import Image, as_u8
@@ -47,9 +47,8 @@ class Row:
     the images with speed and error; "" for no label. size (width, height) [pixels] of the common
     image, with `below` free pixels at the lower edge; None for a single show's image, or no image.
     remote: the other process in which the simulations run, None for this one. between: called
-    after a part of a kernel was compiled, and between the images of such simulations, since each
-    may take 0.1 s. restart: message where an unstable simulation begins again, and with it all
-    others; "" where it raises BlowUpError.
+    between the images of such simulations, since three take 0.1 s. restart: message where an
+    unstable simulation begins again, and with it all others; "" where it raises BlowUpError.
     """
 
     remote: Any = None
@@ -66,8 +65,6 @@ class Row:
         self.shows, self.labels, self.below = shows, labels or [""] * len(shows), below
         self.restart = restart
         self.low = 0  # lower edge of the images [pixels]
-        # Shows over whose images compile_later() may have drawn in this frame.
-        self.drawn_over: list[Any] = []
         self.updates = 0
         # Initial camera distance of each show [m], at which the whole box is visible.
         self.homes = [show.display.camera.distance if show.size else 1.0 for show in shows]
@@ -168,11 +165,9 @@ class Row:
         lead = self.lead
         if self.remote:
             self.remote.give(controls)
-        # The first frame of simulations in this process does not wait for later kernels.
-        if self.remote or lead.frames:
-            self.compile_later()
-        if self.drawn_over and self.between:
-            self.between()
+        # A frame compiles one kernel, not one for each show.
+        for show in self.shows[1:]:
+            lead.later, show.later = lead.later + show.later, []
         lead.frame(controls)
         # If the lead's frame was undone for a stopped body, all shows wait.
         waits = lead.simulated == 0.0
@@ -183,17 +178,8 @@ class Row:
             if lead.size:
                 self._match_view(show, home)
             show.frame(replace(same, budget=None))
-        self.drawn_over = []
         if not controls.hidden:
             self.draw_together()
-
-    def compile_later(self) -> None:
-        """Compiles one part of a kernel that the first images do not need, of one show, since each
-        part may take 0.1 s. It may draw over the image of this show."""
-        self.drawn_over = [show for show in self.shows if show.later][:1]
-        for show in self.drawn_over:
-            if run_in_steps(show.later[0]):
-                show.later.pop(0)
 
     def _match_view(self, show: Any, home: float) -> None:
         """Sets the lead's camera, slice and view for another show."""
@@ -273,10 +259,11 @@ class Row:
         self.draw_together()
 
     def restore(self) -> None:
-        """Removes pages from the last image, and what compile_later() drew."""
-        for show in self.drawn_over if self.common else self.shows:
-            show.draw()
-        self.draw_together()
+        """Removes pages from the last image."""
+        if self.common:
+            self.draw_together()
+        else:
+            self.draw()
 
     def to_numpy_u8(self) -> np.ndarray:
         """Returns the image without free pixels, (height, width, 3) uint8, first row at the top."""

@@ -154,6 +154,8 @@ class Show(ShownScene):
             self.set(key, value)
         if controls.reset:
             self.reset()
+        if self.frames:
+            self.compile_later()
         external, self.simulated = self._moving_box(controls), 0.0
         if not controls.still:
             with self.timings.stage("fluid"):

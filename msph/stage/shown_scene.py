@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from msph.launches import run_in_steps
 from msph.measure.bulk import bulk_density
 from msph.measure.snapshot import Snapshot
 from msph.measure.timings import Timings
@@ -41,6 +42,12 @@ class ShownScene:
         self.live = {live.key for live in live_parameters(scene)}
         self.later: list[Callable[[], Any]] = []  # compile kernels in later frames
         self.note = ""
+
+    def compile_later(self) -> None:
+        """Compiles a part of a kernel that the first frames do not need, in a frame that is drawn
+        afterwards."""
+        if self.later and run_in_steps(self.later[0]):
+            self.later.pop(0)
 
     @property
     def draws(self) -> bool:

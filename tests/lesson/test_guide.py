@@ -176,7 +176,7 @@ def test_an_unstable_simulation_is_restarted():
     """All simulations begin again where one becomes unstable, and one message says so."""
 
     class Unstable:
-        size, simulated, note, resets, frames, later = None, 0.0, "", 0, 0, []
+        size, simulated, note, resets, later = None, 0.0, "", 0, []
 
         def frame(self, controls):
             raise BlowUpError("boiled")

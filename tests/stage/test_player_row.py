@@ -1,8 +1,6 @@
 """Tests of a player with simulations side by side."""
 
-import itertools
 import math
-from functools import partial
 from types import SimpleNamespace
 
 import imageio.v2 as imageio
@@ -171,27 +169,6 @@ def test_input_is_answered_between_the_images_of_simulations_elsewhere(row, play
     before = second.frames
     row.frame(controls)
     assert drawn == [(True, before)] and second.frames == before + 1
-
-
-@pytest.mark.parametrize("number", [0, 1])
-def test_answers_show_nothing_that_later_kernels_have_drawn(row, number):
-    """An answer after the compiled part, and one before the second image. Regression: the latter
-    showed what a later kernel had drawn there."""
-    row.frame(Controls(frame_time=FRAME))
-    low, second = slice(LOW, LOW + HEIGHT), row.shows[1]
-    without = row.image.to_numpy()[:, low]
-    row.remote = SimpleNamespace(give=lambda controls: None, busy=False, running=False)
-    second.later = [partial(second.display.picture.image.field.fill, 0.5)]
-    seen, calls = [], itertools.count()
-
-    def answer():
-        if next(calls) == number:
-            row.restore()
-            seen.append(row.image.to_numpy()[:, low])
-
-    row.between = answer
-    row.frame(Controls(still=True))
-    assert len(seen) == 1 and np.array_equal(seen[0], without)
 
 
 def test_pages_are_removed_from_the_last_image_without_drawing_the_simulations(row):

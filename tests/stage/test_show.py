@@ -4,7 +4,6 @@ import itertools
 import math
 import time
 from functools import partial
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,6 +17,7 @@ from msph.stage.headless import Headless, HeadlessPlayer
 from msph.stage.loop import run
 from msph.stage.row import Row
 from msph.stage.show import INTERACTIVE, Show
+from msph.stage.shown_scene import ShownScene
 from msph.stage.views import display_unit
 from tests.fluid.fluid_kit import in_order
 from tests.scenes_kit import LAYERED, POOL, load, write
@@ -69,9 +69,8 @@ def test_kernels_compiled_in_later_frames_change_nothing(tmp_path):
     for first_image in (True, False):
         show.warm_up(first_image)
         assert bool(show.later) == first_image
-        row = Row([show])
         for _ in range(50):
-            row.frame(Controls())
+            show.frame(Controls())
         assert not show.later
         seen.append((show.simulation.particles.numpy("x"), show.display.picture.to_numpy_u8()))
     kernels: list[str] = []
@@ -87,27 +86,24 @@ def test_kernels_compiled_in_later_frames_change_nothing(tmp_path):
         np.testing.assert_array_equal(one, other)
 
 
-def test_a_row_compiles_one_kernel_at_a_time_for_all_shows():
+def test_a_frame_of_a_row_compiles_one_kernel_for_all_shows():
     """Regression: each of three simulations compiled a kernel in the same frame."""
     compiled: list[str] = []
-    names = "first", "second", "third"
-    shows = [SimpleNamespace(size=None, later=[partial(compiled.append, name)]) for name in names]
-    row = Row(shows)
+
+    class Waiting:
+        size, simulated, compile_later = None, 0.0, ShownScene.compile_later
+
+        def __init__(self, name):
+            self.later = [partial(compiled.append, name)]
+
+        def frame(self, controls):
+            self.compile_later()
+
+    row = Row([Waiting("first"), Waiting("second"), Waiting("third")])
     for number in (1, 2, 3, 3):
-        row.compile_later()
+        row.frame(Controls())
         assert len(compiled) == number
     assert compiled == ["first", "second", "third"]
-
-
-def test_input_is_answered_after_a_compiled_part_and_before_the_image():
-    """Regression: input that arrived while a kernel was compiled waited for the image, too."""
-    done: list[str] = []
-    later, frame = [partial(done.append, "part")], lambda controls: done.append("image")
-    row = Row([SimpleNamespace(size=None, frames=1, simulated=0.0, later=later, frame=frame)])
-    row.between = partial(done.append, "answer")
-    row.frame(Controls())
-    row.frame(Controls())
-    assert done == ["part", "answer", "image", "image"]
 
 
 def test_headless_runs_the_requested_number_of_frames(show):
