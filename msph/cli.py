@@ -189,7 +189,7 @@ def play(scene, run, **options):
     help="Also write the surface mesh of every frame, with the velocity and the share of foam at "
     "each vertex: out_%04d.ply, .obj, or .vtu for ParaView.",
 )
-@click.option("--mesh-layer", is_flag=True, help="Meshes also have the layer at each vertex.")
+@click.option("--mesh-layer", is_flag=True, help="--mesh and --usd: the layer at each vertex.")
 @click.option(
     "--droplets",
     **FILES,

@@ -16,7 +16,7 @@ PERCENT, DECIMAL, INTEGER, EXPONENT = "{:+.3f} %", "{:.1f}", "{:.0f}", "{:.1e}"
 # largest value of the shipped scenes in their first 2 s by the projection method (docs/scenes.md).
 GROUPS = {
     "resolution": (
-        # Periods of sloshing are 2 % off at 10 spacings, 0.9 % at 12 (bench/results/accuracy.md).
+        # Periods of sloshing are 0.1 % off at 10 to 25 spacings (bench/results/accuracy.md).
         ("spacings_across_depth", 10.0, DECIMAL, "finest spacings across the mean depth"),
         (
             "spacings_across_narrowest_gap",
@@ -61,8 +61,8 @@ GROUPS = {
 }
 # Consequence of a value outside its limit.
 CAUTIONS = {
-    "spacings_across_depth": "waves are under-resolved: periods are 2 % off at 10 spacings, more "
-    "at fewer",
+    "spacings_across_depth": "waves are under-resolved: their periods were measured at 10 spacings "
+    "and more only (0.1 % off)",
     "spacings_across_narrowest_gap": "particles pass through the gap one by one or not at all",
     "spacings_across_bodies": "water on both sides of the body interacts through it",
     "mass_laid_error": "particles are too large for the volumes of water; levels are off by as "

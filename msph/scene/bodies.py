@@ -31,6 +31,13 @@ from msph.scene.wavemakers import check_wave_makers, wave_makers
 
 # Largest extent of a mesh over the box's longest edge; larger meshes are in another unit.
 MAX_EXTENT = 50.0
+# Keys of a body without effect unless one of others is given.
+NEEDS = {
+    **dict.fromkeys(("rotation", "position", "scale"), ("mesh",)),
+    "release": ("density", "mass"),
+    "period": ("swing",),
+    "axis": ("spin", "angle"),
+}
 
 
 def bodies(scene: Scene) -> list[Body]:
@@ -144,6 +151,11 @@ def _check_body(scene: Scene, given: schema.BodyEntry, spacing: float, key: str)
     if given.mesh is not None:
         _check_mesh(given.mesh, key)
     require(any(given.axis), f"{key}.axis", "has no direction")
+    plain = schema.BodyEntry()
+    for name, others in NEEDS.items():
+        idle = all(getattr(given, other) == getattr(plain, other) for other in others)
+        problem = f"has no effect without {' or '.join(others)}"
+        require(not idle or getattr(given, name) == getattr(plain, name), f"{key}.{name}", problem)
     floats = given.density is not None or given.mass is not None
     require(given.density is None or given.mass is None, key, "give either density or mass")
     swings = any(given.swing)

@@ -99,6 +99,8 @@ def capture(
     video = ".webm" if loaded.picture.alpha else ".mp4"
     some = options.outputs or options.data
     pictures = options.outputs if some else [default_output(scene, video)]
+    if options.mesh_layer and not (options.meshes or options.usd):
+        raise click.UsageError("--mesh-layer needs --mesh or --usd")
     kinds = "meshes", "particles", "bodies", "droplets", "usd"
     data = {kind: list(getattr(options, kind)) for kind in kinds}
     files = Outputs(list(pictures), **data, mesh_layer=options.mesh_layer)
@@ -132,6 +134,8 @@ def bench(scenes: tuple[str, ...], options: BenchOptions, run: RunOptions) -> No
         exclude("--replay", True, "--play", options.as_played)
         name, run, recording = with_recording(" ".join(scenes), run, options.replay)
         scenes = (name,)
+    exclude("--play", options.as_played, "--no-render", options.no_render)
+    exclude("--play", options.as_played, "--profile", options.profile)
     names = scenes or tuple(shipped_scenes())
     if options.json_file:
         claim([options.json_file], options.force)

@@ -96,7 +96,7 @@ class BodyLinks(Part):
         self.free_links[None] = found * floats
 
     @ti.func
-    def inflow(self, i):
+    def rate_by_bodies(self, i):
         """Returns the rate of c_i [1/s] by the motion of bodies."""
         rate, first = 0.0, self.particles.first_link[i]
         for link in range(first, first + self.particles.links[i]):

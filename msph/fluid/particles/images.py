@@ -3,7 +3,7 @@
 Images fill the part of a kernel beyond a wall or face: particles there have bulk density, pressures
 balance, and images move with the reflected velocity. Images are not stored as particles. Image s of
 particle j, seen by particle i, is an entry (j, g, back): the derivatives of its contribution to c_i
-by x_i and by x_j. For a neighbour back = -g, for an image in a wall back = -M g with the mirror M.
+by x_i and by x_j. For a neighbour back = -g, for an image in a wall back = -R g with the mirror R.
 Operators use entries of neighbours and images alike (docs/method.md, "One entry").
 
 An image in walls is never nearer to i than its particle j, so the images within reach are found
@@ -200,12 +200,12 @@ class Images(Part):
         in walls. Adds their contributions to c_i to `share`; sets the link's gradient G and torque
         T."""
         links, push, torque, i = self.links, vec3(0.0), vec3(0.0), viewer.i
-        walls, in_walls = self.particles.first_image[i], self.particles.body_image[i]
+        first, end = self.particles.first_image[i], self.particles.body_image[i]  # in walls
         start, count = self.neighbours.start[i], self.neighbours.end[i] - self.neighbours.start[i]
-        for s in range(-1, count + in_walls - walls):
+        for s in range(-1, count + end - first):
             j, mirrors = i, 0
             if s >= count:
-                j, mirrors = self.index[walls + s - count], self.mirrors[walls + s - count]
+                j, mirrors = self.index[first + s - count], self.mirrors[first + s - count]
             elif s >= 0:
                 j = self.neighbours.index[start + s]
             if self.particles.links[j] > 0:

@@ -42,7 +42,7 @@ class ConjugateGradient(Part):
     p.
 
     residual, direction and diagonal are fields (capacity,) of x's width; active, for projected
-    solves of scalars, is 1 where x may change. residual_norm2 is <r, r/D>; scale [x's unit^2 m^3]
+    solves of scalars, is 1 where x may change. residual_norm2 is <r, r/D>; scale [unit of <x, A x>]
     is the squared size, in the norm of A, to which the tolerance is relative. set_round() sets
     both.
     """
@@ -74,7 +74,8 @@ class ConjugateGradient(Part):
 
         start_round() is called at the start of each round (an unprojected solve has one): it sets
         residual, direction and active and calls set_round(). The solve has converged when two
-        iterations together reduce the error by less than tolerance * sqrt(scale), in the norm of A.
+        iterations together reduce the squared error, in the norm of A, by less than tolerance^2
+        times the scale.
         """
         n = self.particles.count
         iterations, state = 0, ROUND_OVER
@@ -123,7 +124,7 @@ class ConjugateGradient(Part):
                 if ti.static(self.projected):
                     p *= self.active[i]
                 self.direction[i] = p
-            self.scale[None] += reduction
+            self.scale[None] += reduction  # the part <x, A x> of the scale grows by it
         state = ti.select(excluded > self.residual_norm2[None], ROUND_OVER, CONTINUE)
         small = reductions <= tolerance * tolerance * self.scale[None]
         return ti.select(small, CONVERGED, state)

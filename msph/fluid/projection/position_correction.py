@@ -147,7 +147,8 @@ class PositionCorrection(Discretisation):
     def apply(self, dt: float) -> list[float]:
         """Applies the displacements that find() found, except into walls and bodies. Returns the
         largest rate [1/s] by which motion bounds the next step (speed over cfl spacings), and the
-        longest distance that a particle moves in dt [s], in spacings."""
+        longest distance that a particle moves in dt [s], in spacings, of spray divided by
+        SPRAY_MOTION_FACTOR."""
         if self.crowded:
             self._limit_exchange(self.particles.count)
         return self._apply(self.particles.count, dt, int(self.crowded))
@@ -160,17 +161,16 @@ class PositionCorrection(Discretisation):
         for i in range(n):
             total = 0.0
             for s in range(self.neighbours.start[i], self.neighbours.end[i]):
-                total += ti.abs(self._exchange(i, s))
+                total += self._exchange(i, s)
             p.exchange_share[i] = 1.0 / ti.max(total, 1.0)
 
     @ti.func
     def _exchange(self, i, s):
-        """Returns minus the displacement of particle i and entry s relative to each other by this
-        pair, over their distance (-), times i's part."""
+        """Returns a_ij (-) of _apply() for entry s of particle i, without the limit by shares."""
         p, j = self.particles, self.neighbours.index[s]
         r_ij = p.x[i] - p.x[j]
         slope = self.pair_gradient[s].dot(r_ij) / ti.max(r_ij.norm_sqr(), MIN_DISTANCE**2)
-        return slope * (p.position_multiplier[i] + p.position_multiplier[j])
+        return -slope * (p.position_multiplier[i] + p.position_multiplier[j])
 
     @kernel
     def _apply(self, n: ti.i32, dt: ti.f32, crowded: ti.i32) -> ti.math.vec2:
@@ -191,7 +191,7 @@ class PositionCorrection(Discretisation):
                 relative, a = v - p.v[j], self._exchange(i, s)
                 if crowded == 1:
                     a *= ti.min(p.exchange_share[i], p.exchange_share[j])
-                change += a * relative
+                change -= a * relative
                 fastest = ti.max(fastest, relative.norm_sqr())
             p.velocity_exchange[i] = change
             p.relative_speed[i] = ti.sqrt(fastest)

@@ -64,9 +64,9 @@ class PressureSolve(Discretisation):
 
     @kernel
     def build_rhs(self, n: ti.i32, dt: ti.f32):
-        """rhs_i = dt dc/dt + share (c_i - 1), with c_i after the position correction, where c_i - 1
-        is Density.excess(). Sets the initial guess q = dt^2 p/rho0, p the mean of two steps, since
-        pressures alternate, and predicted_density = rho0 c_i.
+        """rhs_i = dt dc/dt + share (c_i - 1), with c_i - 1 = Density.excess() plus the compression
+        by the position correction. Sets the initial guess q = dt^2 p/rho0, p the mean multiplier of
+        two steps, since they alternate, and predicted_density, without the air share.
 
         share is dt/release for an excess. For a deficit it rises with the deficit, to 1 at
         GAP_DEFICIT.
@@ -75,7 +75,7 @@ class PressureSolve(Discretisation):
         for i in range(n):
             rate, closing = self.operator.divergences(i, (p.v, p.position_correction))
             if ti.static(self.traits.bodies):
-                rate += self.links.inflow(i)
+                rate += self.links.rate_by_bodies(i)
             excess, after = self.density.excess(i) + closing, self.density.relative(i) + closing
             p.predicted_density[i] = self.constants.rest_density[None] * after
             if after < self.constants.spray[None]:
@@ -83,7 +83,7 @@ class PressureSolve(Discretisation):
             share = ti.max(dt / self.constants.release[None], -excess / GAP_DEFICIT)
             removed = ti.min(share, 1.0) * excess
             # Halves of a split are crowded until the position correction has moved them apart.
-            # Where velocities are prescribed, no multiplier could lower an excess.
+            # Sheets of inflows, which hardly any multiplier moves, must not push for being crowded.
             held = p.settling[i] > 0 or p.prescribed[i] > 0
             removed = ti.select(held and excess > 0.0, 0.0, removed)
             p.rhs[i] = dt * rate + removed

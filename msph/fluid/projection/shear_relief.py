@@ -54,13 +54,13 @@ class ShearRelief(Force):
         return parameters.shear_relief > 0.0
 
     def tune(self, parameters: ProjectionParameters) -> None:
-        self.share = parameters.shear_relief / self.layers.rest_density
+        self.share_per_density = parameters.shear_relief / self.layers.rest_density  # [m^3/kg]
 
     def apply(self, dt: float, external: ExternalForces) -> None:
         """Advances the velocities by dt [s] under div T, with the stresses of the last step, which
         do not fit the positions after steps beyond `fitting_step`."""
-        impulse = self.share * dt * min(max(2.0 - dt / self.fitting_step, 0.0), 1.0)
-        self._accelerate(self.particles.count, impulse)
+        fitting = min(max(2.0 - dt / self.fitting_step, 0.0), 1.0)
+        self._accelerate(self.particles.count, fitting * dt * self.share_per_density)
 
     @kernel
     def _accelerate(self, n: ti.i32, impulse: ti.f32):
@@ -83,7 +83,7 @@ class ShearRelief(Force):
 
     @ti.func
     def _by_image(self, i, s, impulse):
-        """Returns T_i L_i.g - M T_j L_j.back [Pa/m] of image s, whose mirror is M; a body receives
+        """Returns T_i L_i.g - R T_j L_j.back [Pa/m] of image s, whose mirror is R; a body receives
         the opposite, times `impulse` (m share dt/rho0).
 
         An image has the mirrored velocity of its particle j, so the term of i pushes j by the

@@ -199,7 +199,7 @@ class Projection(Discretisation):
         self, safety: float = 1.0, external: ExternalForces = NO_HAND
     ) -> dict[str, float]:
         """Returns the bounds of the time step [s] by the parameter that sets them; those by motion
-        and pressure are divided by `safety`.
+        and pressure, all under "cfl", are divided by `safety`.
 
         Motion: a particle moves at most cfl spacings past neighbours and walls, and at most
         MOTION_FACTOR times that distance in total; a body, and water that the hand sets in motion,
@@ -236,12 +236,12 @@ class Projection(Discretisation):
         with stage("drift"):
             self.inertia_work.begin(dt, external)
             self.boundary.move(0.5 * dt)  # time -> body poses at t, t + dt/2, mean velocities
-            self.contact.drift(0.5 * dt)  # x, v, poses -> x; v of stopped particles
+            self.contact.drift(0.5 * dt)  # x, v, poses -> x; v of stopped particles and of bodies
             # v of floating bodies -> v; a release in motion is work of the user
             if release := self.boundary.fall(dt, external):
                 self.impulses.add_user(*release)
             self.boundary.move(0.5 * dt)  # time -> body poses at t + dt/2, t + dt, mean velocities
-            # poses, forces of the last step -> contacts; v of floating bodies
+            # poses, forces of the last step -> contacts; v of floating bodies, poses of overlaps
             self.collisions.anticipate(dt)
             self.particles_moved()
         if self.adaptation and self.adaptation.pass_due():
@@ -254,7 +254,9 @@ class Projection(Discretisation):
             self.neighbours.refresh()  # x, layer -> order of particles, neighbour list
             self.openings.mark()  # x -> particles of prescribed velocity
         with stage("density"):
-            self.density.refresh()  # x, list, poses -> density, defect, pair gradients, diagonal
+            # x, list, poses -> images, links, density, defect, pair gradients, diagonal, air share,
+            # pair spacing; with stress also relief
+            self.density.refresh()
             # poses, links -> gradients and torques of links in gaps
             self.gaps.push(dt, external)
             self.boundary.redo(0.5 * dt)  # v of floating bodies -> mean velocities

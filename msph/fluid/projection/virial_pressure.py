@@ -61,8 +61,8 @@ class VirialPressure(Part):
 
     @ti.func
     def evaluate(self, i, gravity, with_stress: ti.template()):
-        """Returns the Evaluation of particle i in one pass. A particle without neighbours, or with
-        its whole air share, has its own multiplier as pressure."""
+        """Returns the Evaluation of particle i in one pass. A particle without neighbours, or at
+        the surface with its whole air share, has its own multiplier as pressure."""
         layer, x = self.particles.layer[i], self.particles.x[i]
         own, found, sums = self.particles.pressure_multiplier[i], self.Evaluation(), Sums()
         pushes = self.long_vector(0.0)
@@ -154,9 +154,9 @@ class VirialPressure(Part):
         """Returns the pressure [Pa] at image s of particle i less the pressure of its particle.
 
         No flow crosses a wall, so dp/dn = rho g.n there: behind a floor the pressure goes on
-        rising. The result is at most the pressure of j, so that water passing by is not lifted.
+        rising. Its magnitude is at most the pressure of j, so that water passing by is not lifted.
         """
         j = self.images.index[s]
-        own, way = self.particles.pressure_multiplier[j], self.images.place(i, s)
-        weight = self.constants.rest_density[None] * gravity.dot(way - self.particles.x[j])
-        return ti.math.clamp(weight, -own, own)
+        most, place = self.particles.pressure_multiplier[j], self.images.place(i, s)
+        rise = self.constants.rest_density[None] * gravity.dot(place - self.particles.x[j])
+        return ti.math.clamp(rise, -most, most)
