@@ -67,7 +67,12 @@ def main(names, only, case, starts, resume, draw, arch, threads, worker) -> None
     if worker:
         print(json.dumps(work(*json.loads(worker)), default=float), flush=True)
         return
-    for name in names or tables.MODULES:
+    names = names or tables.MODULES
+    found = (tables.tasks(tables.bench_of(name), only, case, starts) for name in names)
+    if not any(found):
+        known = ", ".join(table for name in names for table in tables.bench_of(name).tables)
+        raise click.UsageError(f"no run has this --only and --case; tables: {known}")
+    for name in names:
         if not draw:
             measure(name, only, case, starts, resume, arch, threads)
         known = rows.read(RESULTS / f"{name}.csv")

@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from bench import (
     constants,
@@ -110,6 +111,11 @@ def test_a_table_replaces_its_old_section_only_if_it_is_whole(tmp_path, monkeypa
     text = tables.report("b", BENCH, rows_of("across", "a", {"speed": 7}))
     assert "0.0" in text and "7.0" in text and text.count("## Across") == 2
     assert tables.report("b", BENCH, both) == whole
+
+
+def test_a_filter_that_matches_no_run_names_the_tables():
+    result = CliRunner().invoke(run.main, ["boundaries", "--only", "vertical"])
+    assert result.exit_code == 2 and "tables: slit, round," in result.output
 
 
 def test_runs_are_resumed_and_failures_repeated(tmp_path, monkeypatch):
