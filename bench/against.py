@@ -64,7 +64,7 @@ def main(before: Path, scenes: tuple[str, ...], rounds: int, seconds: float) -> 
             " / ".join(
                 f"{statistics.median(row[name] for row in rows):.2g}"
                 for name in ERRORS
-                if name in rows[0]
+                if rows[0].get(name) is not None
             )
             for rows in found.values()
         ]

@@ -10,12 +10,14 @@ it or ends: an empty file that is not locked is left over from a killed command,
 import contextlib
 import errno
 import glob
+import json
 import os
 import shutil
 import stat
 import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 from msph.errors import BadInputError, LostOutputError
 
@@ -208,6 +210,12 @@ def replace(path: Path, text: str) -> None:
     """Writes a text file completely or not at all. Raises ExistingFileError, LostOutputError."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def write_json(path: Path, data: Any) -> None:
+    """Writes data as JSON, as replace() does; numbers that are not finite become null."""
+    finite = json.loads(json.dumps(data), parse_constant=lambda _: None)
+    replace(path, json.dumps(finite, indent=2, ensure_ascii=False) + "\n")
 
 
 def _umask() -> int:

@@ -12,7 +12,7 @@ from msph.measure.entry import Entry
 from msph.measure.probes import build_probes
 from msph.measure.survey import Survey, survey, surveys_of
 from msph.measure.table import ROUNDING, Table
-from msph.own_files import replacing, written
+from msph.own_files import replacing, write_json, written
 from msph.scene.bodies import names
 from msph.scene.schema import Scene
 from msph.stage.controls import Controls
@@ -167,7 +167,7 @@ class Measurement:
             if self.good:
                 self._save()
         self.result = result
-        summary.write(self.folder / SUMMARY, result)
+        write_json(self.folder / SUMMARY, result)
         return [self.folder / name for name in FILES if written(self.folder / name)]
 
     def _forces(self) -> dict[str, Any]:
@@ -181,7 +181,7 @@ class Measurement:
     def add(self, key: str, value: Any) -> None:
         """Adds a key to the summary file."""
         self.result[key] = value
-        summary.write(self.folder / SUMMARY, self.result)
+        write_json(self.folder / SUMMARY, self.result)
 
     def account(self) -> str:
         """Returns a text with the errors of the run. Call after conclude()."""

@@ -1,10 +1,8 @@
 """Summary of a run: scene, machine, speed and errors."""
 
 import datetime
-import json
 import math
 import platform
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +17,6 @@ from msph.measure.machine import machine
 from msph.measure.resolution import mean_depth, resolution
 from msph.measure.survey import Survey
 from msph.measure.timings import Timings
-from msph.own_files import replace
 from msph.scene.schema import Scene
 from msph.scene.water import specified_mass
 
@@ -121,9 +118,3 @@ def assessment(
         "limits": {line.key: line.figure.limit for line in lines},
         "cautions": account.cautions(lines, survey.shortfall(surveys)) + [waited] * bool(waited),
     }
-
-
-def write(path: Path, summary: dict[str, Any]) -> None:
-    """Writes the summary as JSON; values that are not finite become null."""
-    finite = json.loads(json.dumps(summary), parse_constant=lambda _: None)
-    replace(path, json.dumps(finite, indent=2, ensure_ascii=False) + "\n")

@@ -68,6 +68,8 @@ class Result:
     def row(self) -> dict[str, str]:
         """Returns the cells of a printed table."""
         stages = " / ".join(f"{self.stages_p50_ms[s]:.1f}" for s in STAGES)
+        known = math.isfinite(self.bulk_density_error)
+        bulk = f"{100 * self.bulk_density_error:.2f}" if known else "unknown"
         return {
             "scene": self.scene,
             "particles": "+".join(map(str, self.particles)),
@@ -79,8 +81,7 @@ class Result:
             "process MiB": f"{self.peak_memory_mib:.0f}",
             "solver residual mean/p99/max %": f"{100 * self.solver_residual_mean:.3f} / "
             f"{100 * self.solver_residual_p99:.2f} / {100 * self.solver_residual_max:.1f}",
-            "kernel / bulk density err %": f"{100 * self.kernel_density_error:.2f} / "
-            f"{100 * self.bulk_density_error:.2f}",
+            "kernel / bulk density err %": f"{100 * self.kernel_density_error:.2f} / {bulk}",
             "volume err %": f"{100 * self.volume_error:+.1f}",
             "momentum drift %": f"{100 * self.momentum_drift:.2g}",
             "energy gain %": f"{100 * self.energy_gain:.2g}",

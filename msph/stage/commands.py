@@ -1,7 +1,6 @@
 """The commands `capture`, `bench` and `scenes`."""
 
 import contextlib
-import json
 import math
 import sys
 from dataclasses import asdict
@@ -25,7 +24,7 @@ from msph.options import (
     PlayOptions,
     RunOptions,
 )
-from msph.own_files import SCENE_SUFFIX, OutputError, claim, free_stem, replace
+from msph.own_files import SCENE_SUFFIX, OutputError, claim, free_stem, replace, write_json
 from msph.scene import load_scene
 from msph.scene.bodies import names
 from msph.scene.library import find_scene, shipped_scenes
@@ -169,7 +168,7 @@ def bench(scenes: tuple[str, ...], options: BenchOptions, run: RunOptions) -> No
     for row in profiled:
         click.echo("\n".join([row.scene, *profile_lines(row.profile_ms)]))
     if options.json_file:
-        replace(options.json_file, json.dumps([asdict(r) for r in rows], indent=2) + "\n")
+        write_json(options.json_file, [asdict(r) for r in rows])
     if failed:
         sys.exit(BAD_RUN)
 
