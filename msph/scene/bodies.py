@@ -18,6 +18,7 @@ from msph.fluid.boundary.rigid_bodies import (
 )
 from msph.fluid.external_forces import as_vector
 from msph.fluid.methods import METHODS, methods_with
+from msph.fluid.room import MAX_BODIES
 from msph.parameter import MAX_SPEED
 from msph.picture.tone import albedo
 from msph.scene import schema
@@ -142,7 +143,10 @@ def check_bodies(scene: Scene, spacing: float) -> list[Body]:
     for name, others in Counter(names(scene)).items():
         require(others == 1, "bodies", f"there are {others} bodies named {name!r}")
     check_wave_makers(scene)
-    return [*found, *wave_makers(scene)]
+    found += wave_makers(scene)
+    problem = f"make {len(found)} bodies with `bodies` and `container`; at most {MAX_BODIES}"
+    require(len(found) <= MAX_BODIES, "wavemakers", problem)
+    return found
 
 
 def _check_body(scene: Scene, given: schema.BodyEntry, spacing: float, key: str) -> Body:

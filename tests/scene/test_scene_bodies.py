@@ -144,6 +144,14 @@ def test_bad_bodies_give_one_line_with_their_key(folder, override):
     assert BAD[override] in line and "\n" not in line
 
 
+def test_wave_makers_count_as_bodies(folder):
+    """Regression: 64 bodies and two wave makers ended in an unexpected error."""
+    balls = ", ".join(64 * ["{centre=[0.5, 0.5, 0.5], radius=0.15}"])
+    makers = ", ".join(f"{{end='{end}', stroke=0.1, period=1.0}}" for end in ("-x", "+x"))
+    with pytest.raises(SceneError, match="wavemakers: make 66 bodies .* at most 65"):
+        load(folder, f"bodies=[{balls}]", f"wavemakers=[{makers}]")
+
+
 def test_bodies_have_the_shapes_and_poses_of_the_scene(folder):
     scene = load(
         folder,
