@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from PIL import Image
 
 from msph.cli import check_values
@@ -47,14 +48,13 @@ class Body:
     def __init__(self, water: "Water", name: str, number: int):
         self.name, self._number, self._water = name, number, weakref.proxy(water)
 
-    def push(self, force: Iterable[float], at: Iterable[float] | None = None) -> None:
+    def push(self, force: ArrayLike, at: ArrayLike | None = None) -> None:
         """Applies a force [N] at a point [m] (default: the centre) during the next frame; forces of
         several calls add up. Raises MsphError for a body that does not float."""
         if math.isinf(self.mass):
             raise BadInputError(f"{self.name}: does not float; give it a density or a mass")
-        given = np.array([[*force], [*(self.position if at is None else at)]], float)
-        if given.shape != (2, 3) or not np.isfinite(given).all():
-            raise BadInputError(f"{self.name}: force and point are three finite numbers each")
+        problem = f"{self.name}: force and point are three finite numbers each"
+        given = _finite([force, self.position if at is None else at], (2, 3), problem)
         twist = np.cross(given[1] - self.position, given[0])
         self._water._pushes[self._number] += [*given[0], *twist]
 
@@ -173,7 +173,8 @@ class Water(AbstractContextManager):
         floating, _ = self._awake.simulation.boundary.floating, self.frame
         floating.applied, self._frame = self._pushes[floating.which], None
         try:
-            controls = Controls(frame_time=step, tilt=self.tilt, hidden=not draw)
+            roll, pitch = _finite(self.tilt, (2,), "tilt: is two finite numbers").tolist()
+            controls = Controls(frame_time=step, tilt=(roll, pitch), hidden=not draw)
             run(Row([self._show]), Headless(1, controls))
         finally:
             self._pushes[:], floating.applied = 0.0, np.zeros((floating.count, 6))
@@ -275,3 +276,14 @@ def _park(waters: list[Water]) -> None:
 
 def _paths(given: Files) -> list[Path]:
     return [Path(p) for p in ([given] if isinstance(given, str | os.PathLike) else given)]
+
+
+def _finite(values: Any, shape: tuple[int, ...], problem: str) -> np.ndarray:
+    """Returns values as an array of finite numbers; raises MsphError if they are no such array."""
+    try:
+        found = np.array(values, float)
+    except (TypeError, ValueError):
+        found = np.array(math.nan)
+    if found.shape != shape or not np.isfinite(found).all():
+        raise BadInputError(problem)
+    return found

@@ -182,6 +182,8 @@ def test_other_errors_are_one_line(water, tmp_path):
         "there are two probes named 'gauge'": lambda: water.probe("height", "gauge", at=(0, 0)),
         "the scene has no body duck; known: ball": lambda: water.bodies["duck"],
         "force and point are three": lambda: water.bodies["ball"].push((math.nan, 0, 0)),
+        "ball: force and point": lambda: water.bodies["ball"].push((1.0, 0.0)),
+        "tilt: is two finite numbers": lambda: tilted(water, (math.nan, 0.0)),
         "'--size': '0x9': expected WIDTHxHEIGHT": lambda: water.image(0, 9),
         "a.xyz: unknown kind of file": lambda: water.record(tmp_path / "a.xyz", 0.1),
         "is not in the range 0<x": lambda: next(water.frames(-1.0)),
@@ -195,6 +197,15 @@ def test_other_errors_are_one_line(water, tmp_path):
     water.close()
     with pytest.raises(msph.MsphError, match="scene: the simulation is closed"):
         _ = water.time
+
+
+def tilted(water, tilt):
+    """Advances the water with a tilt, which is level again afterwards."""
+    water.tilt = tilt
+    try:
+        next(water.frames(0.01))
+    finally:
+        water.tilt = (0.0, 0.0)
 
 
 def test_help_lists_functions_with_units(capsys):
