@@ -62,9 +62,11 @@ def main(before: Path, scenes: tuple[str, ...], rounds: int, seconds: float) -> 
         )
         errors = [
             " / ".join(
-                f"{statistics.median(row[name] for row in rows):.2g}"
+                "unknown"
+                if any(row[name] is None for row in rows)
+                else f"{statistics.median(row[name] for row in rows):.2g}"
                 for name in ERRORS
-                if rows[0].get(name) is not None
+                if name in rows[0]
             )
             for rows in found.values()
         ]

@@ -70,8 +70,8 @@ def main(names, only, case, starts, resume, draw, arch, threads, worker) -> None
     names = names or tables.MODULES
     found = (tables.tasks(tables.bench_of(name), only, case, starts) for name in names)
     if not any(found):
-        known = ", ".join(table for name in names for table in tables.bench_of(name).tables)
-        raise click.UsageError(f"no run has this --only and --case; tables: {known}")
+        listed = ", ".join(table for name in names for table in tables.bench_of(name).tables)
+        raise click.UsageError(f"no run has this --only and --case; tables: {listed}")
     for name in names:
         if not draw:
             measure(name, only, case, starts, resume, arch, threads)

@@ -50,7 +50,8 @@ class Body:
 
     def push(self, force: ArrayLike, at: ArrayLike | None = None) -> None:
         """Applies a force [N] at a point [m] (default: the centre) during the next frame; forces of
-        several calls add up. Raises MsphError for a body that does not float."""
+        several calls add up. Raises MsphError for a body that does not float, or if these are not
+        three finite numbers each."""
         if math.isinf(self.mass):
             raise BadInputError(f"{self.name}: does not float; give it a density or a mass")
         problem = f"{self.name}: force and point are three finite numbers each"
@@ -170,10 +171,11 @@ class Water(AbstractContextManager):
 
     def _advance(self, step: float, draw: bool = False) -> Frame:
         """Advances the water by one frame of `step` [s]."""
+        # Checked first: an error keeps the pushes.
+        roll, pitch = _finite(self.tilt, (2,), "tilt: is two finite numbers").tolist()
         floating, _ = self._awake.simulation.boundary.floating, self.frame
         floating.applied, self._frame = self._pushes[floating.which], None
         try:
-            roll, pitch = _finite(self.tilt, (2,), "tilt: is two finite numbers").tolist()
             controls = Controls(frame_time=step, tilt=(roll, pitch), hidden=not draw)
             run(Row([self._show]), Headless(1, controls))
         finally:

@@ -79,6 +79,7 @@ def test_scenes_lists_all_and_prints_one():
             ["measure", "still", "--converge", "5", "--set", "layers.0.spacing=0.2"],
             "still with spacings multiplied by 4.00: layers.0: particles of 0.8 m do not fit",
         ),
+        (["bench", "pool", "--play", "--no-render"], "--play and --no-render exclude each other"),
         (["bench", "pool", "--play", "--profile"], "--play and --profile exclude each other"),
         (["capture", "pool", "--mesh-layer", "-o", "x.png"], "--mesh-layer needs --mesh or --usd"),
         (["scenes", "pol"], "did you mean 'pool'?"),

@@ -23,6 +23,8 @@ BAD = {
     "bodies.0.hi=[0.25, 1, 1]": "bodies.0: is 0.05 m thick, less than the particle spacing",
     "bodies.0.axis=[0, 0, 0]": "bodies.0.axis: has no direction",
     "bodies.0.rotation=[0, 45, 0]": "bodies.0.rotation: has no effect without mesh",
+    "bodies.0.period=2.0": "bodies.0.period: has no effect without swing",
+    "bodies.0.axis=[1, 0, 0]": "bodies.0.axis: has no effect without spin or angle",
     "bodies.0.release=1.0": "bodies.0.release: has no effect without density or mass",
     "bodies=[{lo=[2, 0, 0], hi=[3, 1, 1]}]": "bodies.0: is outside the box and does not move",
     "bodies=[{mesh='zz.stl'}]": "bodies.0.mesh: zz.stl: no such mesh file; shipped: ",

@@ -83,7 +83,7 @@ class PressureSolve(Discretisation):
             share = ti.max(dt / self.constants.release[None], -excess / GAP_DEFICIT)
             removed = ti.min(share, 1.0) * excess
             # Halves of a split are crowded until the position correction has moved them apart.
-            # Sheets of inflows, which hardly any multiplier moves, must not push for being crowded.
+            # No multiplier moves particles of prescribed velocities apart.
             held = p.settling[i] > 0 or p.prescribed[i] > 0
             removed = ti.select(held and excess > 0.0, 0.0, removed)
             p.rhs[i] = dt * rate + removed
